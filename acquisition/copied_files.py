@@ -34,16 +34,18 @@ def copied_repeats(runs: Mapping[str, Sequence[Path]], label: str) -> list[Findi
         shared = [group for group in groups if set(group) & set(first) and set(group) & set(second)]
         if shared:
             findings.append(
-                Finding(
+                Finding.of(
                     "error",
                     "copied-file",
                     f"repeat {label}",
-                    f"Runs {former} and {latter} repeat one condition with the same measurement "
-                    f"({', '.join(sorted({path.name for path in shared[0]}))}): the scatter between assemblies is "
-                    "too small, and changes seem significant that are not.",
+                    "Runs {former} and {latter} repeat one condition with the same measurement ({names}): the "
+                    "scatter between assemblies is too small, and changes seem significant that are not.",
                     len(shared),
                     0,
-                    "Name the file of each repeat, or take the label repeat away.",
+                    advice="Name the file of each repeat, or take the label repeat away.",
+                    former=former,
+                    latter=latter,
+                    names=", ".join(sorted({path.name for path in shared[0]})),
                 )
             )
     return findings
@@ -74,13 +76,15 @@ def _whole(path: Path) -> str:
 
 def _finding(paths: list[Path], where: str) -> Finding:
     names = ", ".join(path.name for path in paths[:5]) + (" ..." if len(paths) > 5 else "")
-    return Finding(
+    return Finding.of(
         "error",
         "copied-file",
         where,
-        f"{len(paths)} files are copies of one: {names}. What was measured once counts {len(paths)} times, and "
+        "{count} files are copies of one: {names}. What was measured once counts {count} times, and "
         "coherence and intervals are too good.",
         len(paths),
         1,
-        "Remove the copies, exclude them by a repair, or measure these points again.",
+        advice="Remove the copies, exclude them by a repair, or measure these points again.",
+        count=len(paths),
+        names=names,
     )

@@ -466,13 +466,14 @@ def _unit_findings(unstated: list[str], where: str) -> list[Finding]:
         return []
     names = ", ".join(unstated[:5]) + (f" and {len(unstated) - 5} more" if len(unstated) > 5 else "")
     return [
-        Finding(
+        Finding.of(
             "warning",
             "unit-unstated",
             where,
-            f"Nobody stated the unit of {names}: frequencies, damping and shapes hold, "
-            "scaling to modal mass is impossible.",
+            "Nobody stated the unit of {names}: frequencies, damping and shapes hold, scaling to modal "
+            "mass is impossible.",
             advice="Find out the unit or the sensitivity and state it.",
+            names=names,
         )
     ]
 

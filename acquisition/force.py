@@ -13,6 +13,7 @@ from acquisition.campaign_file import JointTable, NormalForceTable, RunTable
 from acquisition.columns import column, moment, numbers, read_columns
 from ema.data import Finding, JointForce, Recording, Run
 from ema.errors import InputError
+from ema.messages import mark
 
 DRIFT_LIMIT = 0.05
 """Drift over a run, as a fraction of the mean, up to which a normal force counts as constant."""
@@ -108,15 +109,18 @@ def against_other_runs(runs: Sequence[Run]) -> tuple[Run, ...]:
         right = known[run.id] * (1000.0 if ratio < 1 else 0.001)
         fits = 0.5 * others.min() <= right <= 2 * others.max()
         if max(ratio, 1 / ratio) > np.sqrt(1000.0) and fits:
-            finding = Finding(
+            finding = Finding.of(
                 "error",
                 "normal-force-unit",
                 f"run {run.id}",
-                f"The normal force is {known[run.id]:.4g} N, {ratio:.4g} times the nearest one of the other runs of "
-                f"{nearest:.4g} N, as if kN had been taken for N.",
+                "The normal force is {mean} N, {times} times the nearest one of the other runs of {nearest} "
+                "N, as if kN had been taken for N.",
                 ratio,
                 1.0,
-                "Correct the unit of this run in the campaign file, or its side data.",
+                advice="Correct the unit of this run in the campaign file, or its side data.",
+                mean=f"{known[run.id]:.4g}",
+                times=f"{ratio:.4g}",
+                nearest=f"{nearest:.4g}",
             )
             result[-1] = replace(run, findings=(*run.findings, finding))
     return tuple(result)
@@ -153,15 +157,15 @@ def _lost(trace: Trace, where: str) -> tuple[Finding, ...]:
     if not trace.lost:
         return ()
     return (
-        Finding(
+        Finding.of(
             "warning",
             "not-finite",
             where,
-            f"{100 * trace.lost:.2g} % of the samples of the normal force are not numbers; its mean is that of the "
-            "others.",
+            "{lost} % of the samples of the normal force are not numbers; its mean is that of the others.",
             trace.lost,
             0.0,
-            "Check the load cell, its cable and the export.",
+            advice="Check the load cell, its cable and the export.",
+            lost=f"{100 * trace.lost:.2g}",
         ),
     )
 
@@ -347,15 +351,19 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
         scatter = abs(worst.mean / mean - 1)
         if scatter > SCATTER_LIMIT:
             findings.append(
-                Finding(
+                Finding.of(
                     "warning",
                     "normal-force-scatter",
                     where,
-                    f"Joint {worst.joint} is pressed by {worst.mean:.4g} N, {100 * scatter:.0f} % off the mean of all "
-                    f"joints of {mean:.4g} N.",
+                    "Joint {joint} is pressed by {mean} N, {difference} % off the mean of all joints of "
+                    "{mean_of_all} N.",
                     scatter,
                     SCATTER_LIMIT,
-                    "Tighten the joints evenly, or compare joint by joint.",
+                    advice="Tighten the joints evenly, or compare joint by joint.",
+                    joint=worst.joint,
+                    mean=f"{worst.mean:.4g}",
+                    difference=f"{100 * scatter:.0f}",
+                    mean_of_all=f"{mean:.4g}",
                 )
             )
     return findings
@@ -408,15 +416,17 @@ def _against_nominal(force: JointForce, nominal: float | None, place: str) -> li
     if 1 / STATED_LIMIT <= ratio <= STATED_LIMIT or other_unit:
         return []
     return [
-        Finding(
+        Finding.of(
             "warning",
             "normal-force-not-as-stated",
             place,
-            f"The normal force is {force.mean:.4g} N, and {nominal:.4g} N are stated as nominal: the condition is the "
+            "The normal force is {mean} N, and {nominal} N are stated as nominal: the condition is the "
             "one that was measured.",
             ratio,
             STATED_LIMIT,
-            "Correct the nominal force, or the sensitivity and the zero of the load cell.",
+            advice="Correct the nominal force, or the sensitivity and the zero of the load cell.",
+            mean=f"{force.mean:.4g}",
+            nominal=f"{nominal:.4g}",
         )
     ]
 
@@ -426,39 +436,47 @@ def _sensor_findings(force: JointForce, place: str, *, sampled: bool) -> list[Fi
     findings = []
     if sampled and 0 < abs(force.mean) < force.std and abs(force.drift) < force.std:
         return [
-            Finding(
+            Finding.of(
                 "error",
                 "normal-force-none",
                 place,
-                f"The normal force of {force.mean:.4g} N is less than it scatters by, {force.std:.4g} N: the load cell "
-                "shows no force, or the joint opens.",
+                "The normal force of {mean} N is less than it scatters by, {std} N: the load cell shows no "
+                "force, or the joint opens.",
                 force.mean,
                 force.std,
-                "Check cable and amplifier of the load cell; state the force as value where it is known otherwise.",
+                advice=(
+                    "Check cable and amplifier of the load cell; state the force as value where it is known otherwise."
+                ),
+                mean=f"{force.mean:.4g}",
+                std=f"{force.std:.4g}",
             )
         ]
     if force.mean < 0:
         findings.append(
-            Finding(
+            Finding.of(
                 "error",
                 "normal-force-negative",
                 place,
-                f"The normal force is {force.mean:.4g} N: the joint would be pulled apart.",
+                "The normal force is {mean} N: the joint would be pulled apart.",
                 force.mean,
                 0.0,
-                "Where the load cell counts compression negative, turn it round: a sensitivity with a minus, or the "
-                'repair what = "reverse sign". Otherwise correct its zero.',
+                advice=(
+                    "Where the load cell counts compression negative, turn it round: a sensitivity with a minus, "
+                    'or the repair what = "reverse sign". Otherwise correct its zero.'
+                ),
+                mean=f"{force.mean:.4g}",
             )
         )
     if sampled and force.trace is not None and np.ptp(force.trace) <= _ROUNDING * abs(force.mean):
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "normal-force-constant",
                 place,
-                f"All samples of the normal force are {force.mean:.4g} N: a load cell that measures has noise.",
+                "All samples of the normal force are {mean} N: a load cell that measures has noise.",
                 force.mean,
                 advice="Check its cable and its amplifier; a force that is known otherwise is stated as value.",
+                mean=f"{force.mean:.4g}",
             )
         )
     return findings
@@ -474,19 +492,22 @@ def _unit_findings(force: JointForce, nominal: float | None, place: str) -> list
     small = (ratio > 1 / _KILO[1]) & (ratio < 1 / _KILO[0])
     if np.mean(large | small) < _OFTEN:
         return []
-    against = "the nominal force" if nominal else "the rest of its record"
+    against = mark("the nominal force") if nominal else mark("the rest of its record")
     share = float(np.mean(large | small))
     factor = float(np.median(ratio[large | small]))
     return [
-        Finding(
+        Finding.of(
             "error",
             "normal-force-unit",
             place,
-            f"{100 * share:.0f} % of the normal force values are {factor:.4g} times {against} of "
-            f"{reference:.4g} N, as if "
+            "{share} % of the normal force values are {factor} times {against} of {reference} N, as if "
             "kN had been taken for N.",
             factor,
             1.0,
-            "Correct the unit of this joint in the campaign file, or its side data.",
+            advice="Correct the unit of this joint in the campaign file, or its side data.",
+            share=f"{100 * share:.0f}",
+            factor=f"{factor:.4g}",
+            against=against,
+            reference=f"{reference:.4g}",
         )
     ]

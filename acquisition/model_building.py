@@ -25,7 +25,8 @@ from ema.data import (
     StudyResult,
 )
 from ema.dof import Dof, match
-from ema.elements import Section, double_beam, plate_matrices, stepped_beam
+from ema.elements import Plate, Section, double_beam, plate_matrices, stepped_beam
+from ema.elements.double import REFERENCE
 from ema.errors import EmaError, InputError
 from ema.tables import line_of
 
@@ -95,15 +96,17 @@ def _structure(table: tables.StructureTable, part: str, reader: _Reader) -> Matr
     if table.kind == "plate":
         assert table.length and table.width and table.height and isinstance(table.elements, list)
         return plate_matrices(
-            table.length,
-            table.width,
-            table.height,
-            table.youngs_modulus,
-            table.poisson,
-            table.density,
-            (table.elements[0], table.elements[1]),
-            table.held,
-            part,
+            Plate(
+                table.length,
+                table.width,
+                table.height,
+                youngs_modulus=table.youngs_modulus,
+                poisson=table.poisson,
+                density=table.density,
+                elements=(table.elements[0], table.elements[1]),
+            ),
+            clamped=table.held,
+            part=part,
         )
     ends = table.ends or (["clamped", "free"] if part == "" else ["free", "free"])
     return stepped_beam(_sections(table), (ends[0] == "clamped", ends[1] == "clamped"), part)
@@ -186,9 +189,9 @@ def law_of(table: tables.LawTable) -> FrictionLaw:
 
 def _double_beam(model: tables.ModelFile, reader: _Reader, damping: Damping) -> BeamModel:
     table, joint = model.structure, model.joints[0]
-    sizes = table.model_dump(include=table.model_fields_set & set(tables.SIZE))
+    section = replace(REFERENCE, **table.model_dump(include=table.model_fields_set & set(tables.SIZE)))
     with reader.line("structure"):
-        built = double_beam(law_of(_law(model, joint)), joint.normal_force, damping=damping, **sizes)
+        built = double_beam(law_of(_law(model, joint)), joint.normal_force, section, damping=damping)
     (plain,) = built.joints
     stated = _joint(model, 0, reader, plain)
     return replace(built, joints=(stated,))

@@ -202,15 +202,18 @@ def set_up_findings(parts: Sequence[Part], name: str = "") -> tuple[Finding, ...
         where = f"{name}, set-up {label}"
         if resemblance < _RESEMBLANCE:
             findings.append(
-                Finding(
+                Finding.of(
                     "warning",
                     "setup-shift",
                     where,
-                    f"The FRFs of set-up {label} resemble those of {labels[0]} too little to compare their resonances "
-                    f"(correlation {resemblance:.2f}).",
+                    "The FRFs of set-up {label} resemble those of {other} too little to compare their resonances "
+                    "(correlation {correlation}).",
                     resemblance,
                     _RESEMBLANCE,
-                    "Check that both were measured on the same structure.",
+                    advice="Check that both were measured on the same structure.",
+                    label=label,
+                    other=labels[0],
+                    correlation=f"{resemblance:.2f}",
                 )
             )
             continue
@@ -270,29 +273,38 @@ def _level_finding(
     if max(gain, 1 / gain) > 1 + GAIN_LIMIT:
         gravity = abs(max(gain, 1 / gain) / STANDARD_GRAVITY - 1) < GAIN_LIMIT
         findings.append(
-            Finding(
+            Finding.of(
                 "error",
                 "setup-level",
                 where,
-                f"The FRF is {gain:.3g} times as large in set-up {setups[1]} as in {setups[0]}"
-                f"{', as if g had been taken for m/s^2' if gravity else ''}.",
+                "The FRF is {times} times as large in set-up {other} as in {setup}, as if g had been taken for m/s^2."
+                if gravity
+                else "The FRF is {times} times as large in set-up {other} as in {setup}.",
                 gain,
                 1 + GAIN_LIMIT,
-                "Correct the unit or the sensitivity of one of the set-ups by a repair; shapes hold within each "
-                "set-up only.",
+                advice=(
+                    "Correct the unit or the sensitivity of one of the set-ups by a repair; shapes hold within "
+                    "each set-up only."
+                ),
+                times=f"{gain:.3g}",
+                other=setups[1],
+                setup=setups[0],
             )
         )
     if same < _REVERSED:
         findings.append(
-            Finding(
+            Finding.of(
                 "error",
                 "setup-sign",
                 where,
-                f"The FRF has opposite signs in set-ups {setups[0]} and {setups[1]} "
-                f"({100 * (1 - same):.0f} % of the lines): a sensor or the force was turned round.",
+                "The FRF has opposite signs in set-ups {setup} and {other} ({share} % of the lines): a "
+                "sensor or the force was turned round.",
                 same,
                 _REVERSED,
-                'Turn it back by a repair: what = "reverse sign".',
+                advice='Turn it back by a repair: what = "reverse sign".',
+                setup=setups[0],
+                other=setups[1],
+                share=f"{100 * (1 - same):.0f}",
             )
         )
     return findings

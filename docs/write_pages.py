@@ -44,14 +44,16 @@ def _stated() -> tuple[dict[str, set[str]], dict[str, list[str]]]:
     for package in ("acquisition", "ema"):
         for path in sorted((ROOT / package).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if not (isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding"):
+                if not (isinstance(node, ast.Call) and ast.unparse(node.func) in ("Finding", "Finding.of")):
                     continue
                 given = dict(zip(fields, node.args)) | {keyword.arg: keyword.value for keyword in node.keywords}
                 code = _words(given.get("code"))
                 texts = [_words(part) for part in ast.walk(given["severity"]) if isinstance(part, ast.Constant)]
                 severities[code].update(text for text in texts if text in ("info", "warning", "error"))
                 text = _words(given.get("advice"))
-                if text and text not in advice[code]:
+                if ast.unparse(node.func) == "Finding.of":
+                    text = re.sub(r"\{\w+\}", "…", text)
+                if text.strip("…") and text not in advice[code]:
                     advice[code].append(text)
     return severities, advice
 

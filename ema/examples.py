@@ -243,10 +243,10 @@ def plate() -> tuple[ModalModel, Geometry]:
     """
     from scipy.linalg import eigh
 
-    from ema.elements import plate_matrices
+    from ema.elements import Plate, plate_matrices
 
     elements = (6, 4)
-    matrices = plate_matrices(0.6, 0.4, 0.006, elements=elements, clamped=False)
+    matrices = plate_matrices(Plate(0.6, 0.4, 0.006, elements=elements), clamped=False)
     across = [row for row, dof in enumerate(matrices.dofs) if dof.direction not in ("+X", "+Y")]
     part = np.ix_(across, across)
     squares, vectors = eigh(matrices.stiffness[part], matrices.mass[part], subset_by_index=(3, 5))

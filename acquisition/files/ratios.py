@@ -112,9 +112,20 @@ def checked_coherences(frfs: Iterable[FrfSet], where: str) -> tuple[tuple[FrfSet
         notes.append(Finding("warning", "not-read", where, message, advice=advice))
     if beyond:
         farthest = float(max(beyond, key=lambda value: abs(value - 0.5)))
-        message = f"{len(beyond)} of {total} coherences are not from 0 to 1; the farthest is {farthest:.6g}."
-        advice = "Such lines had no average, or the numbers are none; do not rely on the coherence there."
-        notes.append(Finding("warning", "coherence-beyond", where, message, farthest, 1.0, advice))
+        notes.append(
+            Finding.of(
+                "warning",
+                "coherence-beyond",
+                where,
+                "{count} of {total} coherences are not from 0 to 1; the farthest is {farthest}.",
+                farthest,
+                1.0,
+                advice="Such lines had no average, or the numbers are none; do not rely on the coherence there.",
+                count=len(beyond),
+                total=total,
+                farthest=f"{farthest:.6g}",
+            )
+        )
     return tuple(kept), tuple(notes)
 
 
@@ -155,7 +166,6 @@ def make_frfs(
     unit: str | None,
     where: str,
     coherence: Any = None,
-    estimator: str = "",
 ) -> FrfSet:
     """An FRF set in SI.
 
@@ -183,7 +193,6 @@ def make_frfs(
         quantity,
         parsed.si if parsed.stated else UNSTATED,
         coherence,
-        estimator=estimator,
         name=where,
     )
 

@@ -10,7 +10,8 @@ import numpy as np
 
 import ema
 
-beams = ema.simulate.double_beam(ema.simulate.Masing(0.3, 1e9), normal_force=1000.0, elements=4)
+section = ema.simulate.Section(length=0.5, width=0.04, height=0.005, elements=4)
+beams = ema.simulate.double_beam(ema.simulate.Masing(0.3, 1e9), normal_force=1000.0, section=section)
 tip = "beam 2:4:+Z"
 lines = np.linspace(24.0, 36.0, 13)
 levels = [ema.simulate.frf(beams, lines, level, tip, [tip]) for level in (1.0, 10.0)]

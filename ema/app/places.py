@@ -104,7 +104,7 @@ def _of_rank(place: Place) -> dict[str, Any]:
         "zeta": [numbers(100 * row, 4) for row in place.damping],
         "low": [numbers(100 * row, 4) for row in place.damping_low],
         "high": [numbers(100 * row, 4) for row in place.damping_high],
-        "flags": [str(finding) for finding in place.findings],
+        "flags": [str(finding.in_words()) for finding in place.findings],
     }
 
 

@@ -69,7 +69,7 @@ def overview(bench: Workbench) -> dict[str, Any]:
             )
         ],
         "findings": [
-            {"severity": word(each.severity), "text": str(each)}
+            {"severity": word(each.severity), "text": str(each.in_words())}
             for each in (*modes.findings, *run.findings)
             if each.severity != "info"
         ],

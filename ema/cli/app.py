@@ -279,7 +279,9 @@ def report(
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
     formats: Formats = "",
-    language: Language = "en",
+    language: Annotated[
+        str, typer.Option("--language", help="Of the report: en or de; by default that of the study.")
+    ] = "",
     json: Json = False,
 ) -> int:
     """Write the report of a stored result: a study, a placement, a comparison, a map, a simulation."""

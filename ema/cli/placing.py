@@ -44,6 +44,7 @@ def place(
     """Where a friction beam goes, and how hard to press it."""
     from ema.cli import screen
     from ema.place.job import place as placed
+    from ema.place.shortlist import KeptPlaces
     from ema.place.sources import bare_of_model, verdict_of
     from ema.study.study import make_folder
 
@@ -55,7 +56,9 @@ def place(
     with screen.Bars() as bars:
         bare, geometry = bare_of_model(model) if model is not None else _bare(read, origin, bars)
         with workers(cluster, jobs) as executor:
-            placement = placed(read, bare, geometry, verdict, anyway, executor, folder / "checked", resume, bars)
+            placement = placed(
+                read, bare, geometry, verdict, anyway, executor, KeptPlaces(folder / "checked", resume), bars
+            )
     placement = replace(placement, geometry=geometry)
     written = _write(placement, folder, wanted, spoken)
     if json:

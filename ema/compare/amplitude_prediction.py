@@ -333,14 +333,16 @@ def _few_draws(mode: AmplitudeDependentMode, fitted: Sequence[Conditional], weig
         return []
     least = min(one.effective_draws for one in few)
     return [
-        Finding(
+        Finding.of(
             "warning",
             "few-draws",
             mode.name,
-            f"{', '.join(one.posterior.law.name for one in few)}: {least:.0f} effective draws describe the parameters.",
+            "{few}: {least} effective draws describe the parameters.",
             least,
             float(FEWEST),
-            "The ends of the bands are rough; another seed shows how rough.",
+            advice="The ends of the bands are rough; another seed shows how rough.",
+            few=", ".join(one.posterior.law.name for one in few),
+            least=f"{least:.0f}",
         )
     ]
 

@@ -386,14 +386,20 @@ def findings(found: RingDownMode, decays: ModalDecays, mode: int) -> tuple[Findi
         text = f"{limit}; no slip is seen up to {top:.3g} {unit}."
         listed = [Finding("info", "no-slip-seen", where, text, top, None)]
     listed.append(
-        Finding(
+        Finding.of(
             "info",
             "impact-amplitude",
             where,
-            f"amplitudes are those of the {found.mode.quantity} at {at}; behind the impacts they are {low:.3g} to "
-            f"{high:.3g} {unit}, {middle:.3g} in the median.",
+            "amplitudes are those of the {quantity} at {at}; behind the impacts they are {low} to {high} "
+            "{unit}, {median} in the median.",
             middle,
             high,
+            quantity=found.mode.quantity,
+            at=at,
+            low=f"{low:.3g}",
+            high=f"{high:.3g}",
+            unit=unit,
+            median=f"{middle:.3g}",
         )
     )
     if not np.isfinite(found.mass.value):

@@ -182,14 +182,17 @@ def _candidates(rejected: ModalModel) -> tuple[Candidate, ...]:
 def _finding(found: Sticking, where: str) -> Finding:
     decays = found.decays
     fitted = ", ".join(f"{frequency:.4g}" for frequency in decays.natural_frequencies[found.keep])
-    return Finding(
+    return Finding.of(
         "info",
         "modes-after-sticking",
         where,
-        f"The modes ({fitted} Hz) are those of the decay from {1e3 * decays.begins:.0f} ms behind the impact on, where "
-        f"the response has fallen to {found.response:.3g} of that right behind it: from there it is that of a linear "
-        "structure. Modal masses and FRF residues are withheld; poles fitted to the FRFs are candidates.",
+        "The modes ({frequencies} Hz) are those of the decay from {begin} ms behind the impact on, "
+        "where the response has fallen to {share} of that right behind it: from there it is that of "
+        "a linear structure. Modal masses and FRF residues are withheld; poles fitted to the FRFs "
+        "are candidates.",
         decays.begins,
-        None,
-        "They hold for small amplitudes, with sticking joints.",
+        advice="They hold for small amplitudes, with sticking joints.",
+        frequencies=fitted,
+        begin=f"{1000.0 * decays.begins:.0f}",
+        share=f"{found.response:.3g}",
     )

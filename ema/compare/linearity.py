@@ -397,12 +397,13 @@ def level_effect(result: Linearity) -> LevelEffect | None:
 def level_finding(result: Linearity, where: str) -> Finding:
     """What a reader has to know about the verdict."""
     if result.verdict == "not testable":
-        return Finding(
+        return Finding.of(
             "info",
             "linearity-not-testable",
             where,
-            f"Whether the structure is linear is not testable: {result.reason}.",
+            "Whether the structure is linear is not testable: {reason}.",
             advice="Repeat some impacts at half the level, several on each point.",
+            reason=result.reason,
         )
     named = result.verdict == "not linear"
     texts, value, limit = [], 0.0, CHANGE

@@ -295,25 +295,30 @@ def _uneven(group: Sequence[Run], where: str) -> list[Finding]:
     forces = np.array([condition.normal_force for condition in found])
     if np.isfinite(forces).sum() > 1 and (spread := _spread(forces)) > UNEVEN:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "repeat-forces-differ",
                 where,
-                f"The normal force of the repeats spreads over {spread:.0%} of its mean ({_listed(forces, names)}).",
-                value=spread,
-                limit=UNEVEN,
-                advice="Part of the scatter is the normal force: tighten by the load cell, or label the forces apart.",
+                "The normal force of the repeats spreads over {spread} of its mean ({listed}).",
+                spread,
+                UNEVEN,
+                advice=(
+                    "Part of the scatter is the normal force: tighten by the load cell, or label the forces apart."
+                ),
+                spread=f"{spread:.0%}",
+                listed=_listed(forces, names),
             )
         )
     kinds = dict.fromkeys(run.kind for run in group)
     if len(kinds) > 1:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "repeat-kinds-differ",
                 where,
-                f"The repeats were excited in different ways: {', '.join(kinds)}.",
+                "The repeats were excited in different ways: {kinds}.",
                 advice="Friction depends on the amplitude: part of the scatter is the excitation.",
+                kinds=", ".join(kinds),
             )
         )
     return findings
@@ -362,15 +367,18 @@ def _unpaired(
         for mode in sorted(set(range(len(one.poles))) - taken):
             frequency = float(one.natural_frequencies[mode])
             findings.append(
-                Finding(
+                Finding.of(
                     "warning",
                     "repeat-mode-unpaired",
                     f"{where}, {frequency:.6g} Hz",
-                    f"The mode of {own} at {frequency:.6g} Hz has no partner in {other}.",
-                    value=frequency,
+                    "The mode of {own} at {frequency} Hz has no partner in {other}.",
+                    frequency,
                     advice=(
                         "Look at both stabilisation diagrams: without the partner its scatter rests on fewer repeats."
                     ),
+                    own=own,
+                    frequency=f"{frequency:.6g}",
+                    other=other,
                 )
             )
     return findings

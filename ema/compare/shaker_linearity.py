@@ -14,6 +14,7 @@ from ema.data import Finding, FrfSet, ModalModel, Run
 from ema.errors import InputError
 from ema.estimate.nonlinearity import NONLINEAR, Homogeneity, homogeneity
 from ema.estimate.reverse_path import amplitude_dependence, amplitude_finding
+from ema.messages import mark
 
 SHAKEN = ("random", "sweep", "stepped sine")
 """Kinds of excitation by a shaker."""
@@ -66,17 +67,20 @@ def shaker_linearity(
 
 
 def _open(run: Run, where: str) -> Finding:
-    return Finding(
+    return Finding.of(
         "info",
         "linearity-not-testable",
         where,
-        f"Whether the structure is linear is not testable: one level of {_NAMES[run.kind]} does not tell.",
-        advice="Repeat at half the level under the same condition and assembly, or with a multisine of odd lines with "
-        "some left out.",
+        "Whether the structure is linear is not testable: one level of {kind} does not tell.",
+        advice=(
+            "Repeat at half the level under the same condition and assembly, or with a multisine of odd "
+            "lines with some left out."
+        ),
+        kind=_NAMES[run.kind],
     )
 
 
-_NAMES = {"random": "random excitation", "sweep": "a sweep", "stepped sine": "a stepped sine"}
+_NAMES = {"random": mark("random excitation"), "sweep": mark("a sweep"), "stepped sine": mark("a stepped sine")}
 
 
 def _levels(
@@ -99,25 +103,32 @@ def _levels(
         worst = max(read, key=lambda one: one.index)
         forces = f"{min(_force(run), _force(other)):.3g} and {max(_force(run), _force(other)):.3g} N rms"
         if worst.index > NONLINEAR and harder:
-            return Finding(
+            return Finding.of(
                 "warning",
                 "not-homogeneous",
                 where,
-                f"The FRFs about {0.5 * sum(worst.band):.5g} Hz differ by {worst.index:.0%} from those of run "
-                f"{other.id} ({forces}): the structure is not linear at this level.",
+                "The FRFs about {frequency} Hz differ by {difference} from those of run {run} ({forces}): "
+                "the structure is not linear at this level.",
                 worst.index,
                 NONLINEAR,
-                "FRFs hold for this level only; repeat at half of it, and state modes with the level.",
+                advice="FRFs hold for this level only; repeat at half of it, and state modes with the level.",
+                frequency=f"{0.5 * sum(worst.band):.5g}",
+                difference=f"{worst.index:.0%}",
+                run=other.id,
+                forces=forces,
             )
         if worst.index <= NONLINEAR and all(one.noise < NONLINEAR for one in read):
-            agreed = Finding(
+            agreed = Finding.of(
                 "info",
                 "level-tested",
                 where,
-                f"The FRFs about no mode differ by more than {NONLINEAR:.0%} from those of run {other.id} ({forces}): "
-                "no sign of a nonlinear structure.",
+                "The FRFs about no mode differ by more than {limit_share} from those of run {run} "
+                "({forces}): no sign of a nonlinear structure.",
                 worst.index,
                 NONLINEAR,
+                limit_share=f"{NONLINEAR:.0%}",
+                run=other.id,
+                forces=forces,
             )
     return agreed
 

@@ -21,6 +21,7 @@ from ema.data.provenance import Provenance
 from ema.data.repeats import ConditionDifference, RepeatGroup
 from ema.data.response import Decay, Loop
 from ema.data.single import SingleMode
+from ema.messages import SOURCE
 
 
 @dataclass(frozen=True, repr=False)
@@ -293,6 +294,8 @@ class StudyResult(Container):
         How the forecast of the placement compares with the measurement.
     amplitude_modes : tuple of AmplitudeDependentMode, optional
         Modes over their amplitude, from runs of stepped levels.
+    language : str, default "en"
+        Code of the language that the recipe asks for.
 
     Examples
     --------
@@ -317,6 +320,7 @@ class StudyResult(Container):
     placement: Placement | None = None
     forecast_check: ForecastCheck | None = None
     amplitude_modes: tuple[AmplitudeDependentMode, ...] = ()
+    language: str = field(default=SOURCE, compare=False)
 
     def _headline(self) -> str:
         return phrase(

@@ -1,6 +1,7 @@
 """Free orthotropic plate by the Ritz method: the shapes of the built-in table top."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -34,14 +35,21 @@ class PlateModes:
         return np.asarray((2 / self.length) * np.einsum("pi,pj,rij->pr", along, across, self.coefficients))
 
 
+class BendingStiffness(NamedTuple):
+    """Bending stiffness of an orthotropic plate: D_x in N m, D_y / D_x, torsional stiffness relative to that of the
+    isotropic plate of the same mean stiffness, and Poisson's ratio."""
+
+    along: float
+    ratio: float = 1.0
+    twist: float = 1.0
+    poisson: float = 0.3
+
+
 def free_plate(
     length: float,
     width: float,
     mass: float,
-    stiffness: float,
-    stiffness_ratio: float = 1.0,
-    twist: float = 1.0,
-    poisson: float = 0.3,
+    stiffness: BendingStiffness,
     modes: int = 12,
 ) -> PlateModes:
     """Modes of a free rectangular orthotropic Kirchhoff plate, with 9 x 9 Legendre products (Ritz).
@@ -49,8 +57,6 @@ def free_plate(
     Parameters
     ----------
     length, width : m; ``mass`` kg.
-    stiffness : bending stiffness D_x in N m; ``stiffness_ratio`` is D_y / D_x.
-    twist : torsional stiffness relative to that of the isotropic plate of the same mean stiffness.
 
     Source: Leissa, Vibration of Plates (NASA SP-160, 1969), strain energy of the orthotropic plate.
     """
@@ -58,11 +64,12 @@ def free_plate(
 
     inner = _products()
     sx, sy = 2 / length, 2 / width
-    mean = np.sqrt(stiffness_ratio) * stiffness
+    along, ratio, twist, poisson = stiffness
+    mean = np.sqrt(ratio) * along
     area = length * width / 4
     stiffnesses = area * (
-        stiffness * sx**4 * np.kron(inner[2, 2], inner[0, 0])
-        + stiffness_ratio * stiffness * sy**4 * np.kron(inner[0, 0], inner[2, 2])
+        along * sx**4 * np.kron(inner[2, 2], inner[0, 0])
+        + ratio * along * sy**4 * np.kron(inner[0, 0], inner[2, 2])
         + poisson * mean * (sx * sy) ** 2 * (np.kron(inner[2, 0], inner[0, 2]) + np.kron(inner[0, 2], inner[2, 0]))
         + 2 * twist * (1 - poisson) * mean * (sx * sy) ** 2 * np.kron(inner[1, 1], inner[1, 1])
     )

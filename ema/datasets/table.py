@@ -68,9 +68,9 @@ class _Host:
 
 @cache
 def _host() -> _Host:
-    from ema.datasets.free_plate import free_plate
+    from ema.datasets.free_plate import BendingStiffness, free_plate
 
-    plate = free_plate(LENGTH, WIDTH, MASS, 3.9e6, 1.5, 1.5, 0.26, modes=len(FREQUENCIES))
+    plate = free_plate(LENGTH, WIDTH, MASS, BendingStiffness(3.9e6, 1.5, 1.5, 0.26), modes=len(FREQUENCIES))
     places = np.vstack([points()[:, :2], JOINTS])
     x, y = places.T
     pitch, roll = (x - LENGTH / 2) * np.sqrt(12) / LENGTH, (y - WIDTH / 2) * np.sqrt(12) / WIDTH

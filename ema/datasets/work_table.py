@@ -155,9 +155,9 @@ def shaker_points(setting: Setting) -> dict[int, tuple[float, float]]:
 
 @cache
 def _plate() -> "tuple[object, Float[np.ndarray, 'mode']]":
-    from ema.datasets.free_plate import free_plate
+    from ema.datasets.free_plate import BendingStiffness, free_plate
 
-    plate = free_plate(LENGTH, WIDTH, MASS, 4.87e6, 1.5, 1.5, 0.26, modes=_MODES)
+    plate = free_plate(LENGTH, WIDTH, MASS, BendingStiffness(4.87e6, 1.5, 1.5, 0.26), modes=_MODES)
     frequencies = plate.natural_frequencies * FREQUENCIES[0] / plate.natural_frequencies[0]
     frequencies[: len(FREQUENCIES)] = FREQUENCIES
     return plate, frequencies

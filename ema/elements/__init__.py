@@ -5,6 +5,6 @@ What the simulator works on and what a model file describes; so it lies below bo
 
 from ema.elements.beams import Section, beam, element, stepped_beam
 from ema.elements.double import double_beam
-from ema.elements.plates import plate_matrices
+from ema.elements.plates import Plate, plate_matrices
 
-__all__ = ["Section", "beam", "double_beam", "element", "plate_matrices", "stepped_beam"]
+__all__ = ["Plate", "Section", "beam", "double_beam", "element", "plate_matrices", "stepped_beam"]

@@ -193,28 +193,13 @@ def stepped_beam(sections: Sequence[Section], clamped: tuple[bool, bool] = (True
     return Matrices(mass[keep, keep], stiffness[keep, keep], tuple(dofs[keep]))
 
 
-def beam(
-    length: float,
-    width: float,
-    height: float,
-    youngs_modulus: float = 210e9,
-    density: float = 7850.0,
-    elements: int = 20,
-    clamped: tuple[bool, bool] = (True, False),
-    part: str = "",
-) -> Matrices:
-    """Return the matrices of a straight uniform Bernoulli beam along +X, nodes 0 ... ``elements``.
+def beam(section: Section, clamped: tuple[bool, bool] = (True, False), part: str = "") -> Matrices:
+    """Return the matrices of a straight uniform Bernoulli beam along +X, nodes 0 ... ``section.elements``.
 
     Parameters
     ----------
-    length, width, height : float
-        Dimensions [m].
-    youngs_modulus : float, default 210000000000.0
-        Young's modulus [Pa].
-    density : float, default 7850.0
-        Density [kg/m^3].
-    elements : int, default 20
-        Number of elements.
+    section : Section
+        The beam.
     clamped : tuple of (bool, bool), default (True, False)
         Whether node 0 and the last node are fixed; their DOFs are left out.
     part : str, optional
@@ -233,10 +218,10 @@ def beam(
     Examples
     --------
     >>> from scipy.linalg import eigh
-    >>> matrices = beam(0.5, 0.04, 0.005)
+    >>> matrices = beam(Section(0.5, 0.04, 0.005))
     >>> omega = np.sqrt(eigh(matrices.stiffness, matrices.mass, eigvals_only=True)[0])
     >>> exact = 1.8751**2 * np.sqrt(210e9 * 0.005**2 / 12 / 7850.0) / 0.5**2  # clamped-free, first bending mode
     >>> round(float(omega / exact), 4)
     1.0
     """
-    return stepped_beam([Section(length, width, height, youngs_modulus, density, elements)], clamped, part)
+    return stepped_beam([section], clamped, part)

@@ -4,20 +4,17 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data import BeamModel, Damping, FrictionLaw, Joint
-from ema.elements.beams import beam
+from ema.elements.beams import Section, beam
 
 NO_DAMPING = Damping()
+REFERENCE = Section(length=0.5, width=0.04, height=0.005)
+"""One beam of the reference set: steel."""
 
 
 def double_beam(
     law: FrictionLaw,
     normal_force: float,
-    length: float = 0.5,
-    width: float = 0.04,
-    height: float = 0.005,
-    youngs_modulus: float = 210e9,
-    density: float = 7850.0,
-    elements: int = 20,
+    section: Section = REFERENCE,
     normal_stiffness: float = 1e9,
     force_shares: Float[np.ndarray, "pair"] | None = None,
     damping: Damping = NO_DAMPING,
@@ -34,14 +31,8 @@ def double_beam(
         Tangential contact law; its contact stiffness is that of the whole interface.
     normal_force : float
         Normal force of the whole interface [N].
-    length, width, height : float, default 0.5
-        Dimensions of each beam [m].
-    youngs_modulus : float, default 210000000000.0
-        Young's modulus [Pa].
-    density : float, default 7850.0
-        Density [kg/m^3].
-    elements : int, default 20
-        Number of elements of each beam.
+    section : Section, optional
+        Dimensions, material and elements of each beam; those of the reference set by default.
     normal_stiffness : float, default 1000000000.0
         Normal stiffness of the whole interface [N/m].
     force_shares : array of shape (pair,), optional
@@ -64,20 +55,18 @@ def double_beam(
     >>> len(model.joints[0].pairs), float(model.joints[0].area_shares.sum().round(12))
     (20, 1.0)
     """
-    lower, upper = (
-        beam(length, width, height, youngs_modulus, density, elements, part=f"beam {number}") for number in (1, 2)
-    )
-    elements = int(elements)
+    lower, upper = (beam(section, part=f"beam {number}") for number in (1, 2))
+    elements = int(section.elements)
     pairs = tuple((node, node) for node in range(1, elements + 1))
     areas = np.append(np.ones(elements - 1), 0.5)
     joint = Joint(
         "interface",
         pairs,
-        (height / 2, height / 2),
+        (section.height / 2, section.height / 2),
         law,
         normal_force,
         normal_stiffness,
         force_shares,
         area_shares=areas / areas.sum(),
     )
-    return BeamModel(lower, upper, (joint,), damping, "double beam", pair_spacing=length / elements)
+    return BeamModel(lower, upper, (joint,), damping, "double beam", pair_spacing=section.length / elements)

@@ -4,6 +4,8 @@ Bending: the twelve-term polynomial of Adini, Clough and Melosh; membrane: bilin
 paired node to node in both tangential directions, as Gaul, Roseira and Becker (2008) generalise their beams.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 
@@ -71,21 +73,9 @@ def membrane(
     return mass, stiffness
 
 
-def plate_matrices(
-    length: float,
-    width: float,
-    height: float,
-    youngs_modulus: float = 210e9,
-    poisson: float = 0.3,
-    density: float = 7850.0,
-    elements: tuple[int, int] = (10, 2),
-    clamped: bool = True,
-    part: str = "",
-) -> Matrices:
-    """Return the matrices of a rectangular Kirchhoff plate along +X and +Y.
-
-    Node ``i * (ny + 1) + j`` is the i-th in x and the j-th in y. Bending and membrane motion are uncoupled: the nodes
-    lie in the middle layer.
+@dataclass(frozen=True)
+class Plate:
+    """A uniform rectangular plate.
 
     Parameters
     ----------
@@ -99,6 +89,32 @@ def plate_matrices(
         Density [kg/m^3].
     elements : tuple of (int, int), default (10, 2)
         Number of elements in x and y.
+
+    Examples
+    --------
+    >>> Plate(length=0.3, width=0.2, height=0.004).elements
+    (10, 2)
+    """
+
+    length: float
+    width: float
+    height: float
+    youngs_modulus: float = 210e9
+    poisson: float = 0.3
+    density: float = 7850.0
+    elements: tuple[int, int] = (10, 2)
+
+
+def plate_matrices(plate: Plate, clamped: bool = True, part: str = "") -> Matrices:
+    """Return the matrices of a rectangular Kirchhoff plate along +X and +Y.
+
+    Node ``i * (ny + 1) + j`` is the i-th in x and the j-th in y. Bending and membrane motion are uncoupled: the nodes
+    lie in the middle layer.
+
+    Parameters
+    ----------
+    plate : Plate
+        Dimensions, material and elements.
     clamped : bool, default True
         Whether the edge x = 0 is fixed; its DOFs are left out.
     part : str, optional
@@ -116,18 +132,13 @@ def plate_matrices(
 
     Examples
     --------
-    >>> plate = plate_matrices(0.3, 0.2, 0.004, elements=(3, 2), clamped=False)
-    >>> across = np.array([dof.direction == "+Z" for dof in plate.dofs], dtype=float)
-    >>> round(float(across @ plate.mass @ across), 6)  # 0.3 x 0.2 x 0.004 m of steel
+    >>> free = plate_matrices(Plate(0.3, 0.2, 0.004, elements=(3, 2)), clamped=False)
+    >>> across = np.array([dof.direction == "+Z" for dof in free.dofs], dtype=float)
+    >>> round(float(across @ free.mass @ across), 6)  # 0.3 x 0.2 x 0.004 m of steel
     1.884
     """
-    for name, value in (
-        ("length", length),
-        ("width", width),
-        ("height", height),
-        ("youngs_modulus", youngs_modulus),
-        ("density", density),
-    ):
+    for name in ("length", "width", "height", "youngs_modulus", "density"):
+        value = getattr(plate, name)
         if not value > 0 or not np.isfinite(value):
             raise InputError(
                 "not a positive number",
@@ -136,15 +147,17 @@ def plate_matrices(
                 expected="above 0",
                 advice="lengths in m, E in Pa, density in kg/m^3",
             )
-    if not -1 < poisson < 0.5 or min(elements) < 1 or any(number != int(number) for number in elements):
+    elements = plate.elements
+    if not -1 < plate.poisson < 0.5 or min(elements) < 1 or any(number != int(number) for number in elements):
         raise InputError(
             "not a plate",
             where=f"plate {part}".strip(),
-            got=f"nu {poisson}, {elements} elements",
+            got=f"nu {plate.poisson}, {elements} elements",
             expected="-1 < nu < 0.5, one element or more each way",
         )
     nx, ny = elements
-    properties = (length / nx, width / ny, height, youngs_modulus, poisson, density)
+    sizes = (plate.length / nx, plate.width / ny, plate.height)
+    properties = (*sizes, plate.youngs_modulus, plate.poisson, plate.density)
     blocks = (bending(*properties), membrane(*properties))
     count = (nx + 1) * (ny + 1)
     mass, stiffness = (square_zeros(5 * count, f"plate {part}".strip()) for _ in range(2))

@@ -15,6 +15,7 @@ _HOMES = {
     "check_impact": "ema.estimate.live",
     "control_level": "ema.estimate.shaker_force",
     "force_at_resonance": "ema.estimate.shaker_force",
+    "HammerSettings": "ema.estimate.impact",
     "hammer": "ema.estimate.impact",
     "hammer_test": "ema.estimate.impact",
     "homogeneity": "ema.estimate.nonlinearity",

@@ -9,6 +9,7 @@ from ema.estimate.detection_lines import NonlinearDistortion as NonlinearDistort
 from ema.estimate.detection_lines import nonlinear_distortion as nonlinear_distortion
 from ema.estimate.frf_checks import quality as quality
 from ema.estimate.frf_checks import without_dead as without_dead
+from ema.estimate.impact import HammerSettings as HammerSettings
 from ema.estimate.impact import hammer as hammer
 from ema.estimate.impact import hammer_test as hammer_test
 from ema.estimate.integrate import integrated as integrated

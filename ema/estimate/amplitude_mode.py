@@ -201,14 +201,16 @@ def _not_constant(level: SteppedLevel) -> list[Finding]:
     if change <= _HELD:
         return []
     return [
-        Finding(
+        Finding.of(
             "warning",
             f"{level.control}-not-constant",
             level.name,
-            f"the {level.control} was to be constant and changes by {change:.0%} over the level.",
+            "the {control} was to be constant and changes by {change} over the level.",
             change,
             _HELD,
-            "Every value belongs to the amplitude at resonance; the lines beside it were measured at others.",
+            advice=("Every value belongs to the amplitude at resonance; the lines beside it were measured at others."),
+            control=level.control,
+            change=f"{change:.0%}",
         )
     ]
 
@@ -216,14 +218,16 @@ def _not_constant(level: SteppedLevel) -> list[Finding]:
 def _resonance(level: SteppedLevel) -> _Resonance | Finding:
     """The resonance of a level, or why it has none."""
     if len(level.frequencies) < _FEWEST:
-        return Finding(
+        return Finding.of(
             "warning",
             "few-lines",
             level.name,
-            f"the level has {len(level.frequencies)} lines, which leave nothing to see how far off it is; left out.",
+            "the level has {count} lines, which leave nothing to see how far off it is; left out.",
             float(len(level.frequencies)),
             float(_FEWEST),
-            f"Step {_FEWEST} frequencies or more about the resonance.",
+            advice="Step {fewest} frequencies or more about the resonance.",
+            count=len(level.frequencies),
+            fewest=_FEWEST,
         )
     # F / x = m (w_r^2 - w^2) + j 2 zeta m w_r w + what the other modes add; its real part falls with w^2 by m
     stiffness = level.force / level.displacement

@@ -53,15 +53,17 @@ def about_applied_window(decays: Iterable[tuple[float, float]], where: str) -> l
         return []
     fallen, decay = float(np.median(falls[:, 0])), float(np.median(falls[:, 1]))
     return [
-        Finding(
+        Finding.of(
             "error",
             "window-unstated",
             where,
-            f"the noise at the end of the records is {fallen:.2g} of that before the impacts: the front end has "
-            f"applied an exponential window of about {decay:.2g} 1/s that nobody stated. Damping ratios are too high "
-            f"by {decay:.2g} / (2 pi f).",
+            "the noise at the end of the records is {fallen} of that before the impacts: the front end "
+            "has applied an exponential window of about {decay} 1/s that nobody stated. Damping ratios "
+            "are too high by {decay} / (2 pi f).",
             fallen,
             FALLEN,
-            "Export the records without the window, or switch it off; the FRFs get one where they need it.",
+            advice=("Export the records without the window, or switch it off; the FRFs get one where they need it."),
+            fallen=f"{fallen:.2g}",
+            decay=f"{decay:.2g}",
         )
     ]

@@ -90,14 +90,15 @@ def known_mass(frfs: FrfSet, mass: float, band: tuple[float, float], output: int
     where = f"{frfs.name}, {frfs.label(output, input_)}"
     if std > SCATTER:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "calibration-scatter",
                 where,
-                f"the accelerance times the mass scatters by {100 * std:.1f} % over the band.",
+                "the accelerance times the mass scatters by {scatter} % over the band.",
                 std,
                 SCATTER,
-                "Choose a band without suspension and body resonances, strike through the centre of mass.",
+                advice="Choose a band without suspension and body resonances, strike through the centre of mass.",
+                scatter=f"{100 * std:.1f}",
             )
         )
     if abs(phase) > np.pi / 2:

@@ -177,34 +177,37 @@ def _judged(
     share = float(np.mean(outside | grows))
     if share == 0:
         return ()
-    seen = (
-        f"for {share:.1%} of the ring-down the frequency leaves the band ({np.mean(outside):.1%}) or the amplitude "
-        f"grows ({np.mean(grows):.1%}): {frequency.min():.4g} to {frequency.max():.4g} Hz, damping "
-        f"{100 * damping.min():.3g} to {100 * damping.max():.3g} %"
+    rows = np.flatnonzero(outside | grows)
+    beyond = (frequency + reach < band[0]) | (frequency - reach > band[1]) | (damping < -doubt)
+    severity: Severity = "warning" if np.mean(beyond) > _FEW_IMPOSSIBLE else "info"
+    finding = Finding.of(
+        severity,
+        "not-one-mode",
+        what,
+        "for {share} of the ring-down the frequency leaves the band ({outside}) or the amplitude grows ({grows}): "
+        "{low} to {high} Hz, damping {least} to {most} %; between {begin} and {end} s.",
+        share,
+        0.0,
+        advice="Choose a band with one mode, an earlier stop, or more cycles.",
+        share=f"{share:.1%}",
+        outside=f"{np.mean(outside):.1%}",
+        grows=f"{np.mean(grows):.1%}",
+        low=f"{frequency.min():.4g}",
+        high=f"{frequency.max():.4g}",
+        least=f"{100 * damping.min():.3g}",
+        most=f"{100 * damping.max():.3g}",
+        begin=f"{times[rows[0]]:.3g}",
+        end=f"{times[rows[-1]]:.3g}",
     )
-    advice = "choose a band with one mode, an earlier stop, or more cycles"
     if share > _MOST_IMPOSSIBLE:
         raise InputError(
             "not the ring-down of one mode",
             where=what,
-            got=seen,
+            got=finding.message.rstrip("."),
             expected=f"a decay between {band[0]:g} and {band[1]:g} Hz",
-            advice=advice,
+            advice="choose a band with one mode, an earlier stop, or more cycles",
         )
-    rows = np.flatnonzero(outside | grows)
-    beyond = (frequency + reach < band[0]) | (frequency - reach > band[1]) | (damping < -doubt)
-    severity: Severity = "warning" if np.mean(beyond) > _FEW_IMPOSSIBLE else "info"
-    return (
-        Finding(
-            severity,
-            "not-one-mode",
-            what,
-            f"{seen}; between {times[rows[0]]:.3g} and {times[rows[-1]]:.3g} s.",
-            share,
-            0.0,
-            advice[0].upper() + advice[1:] + ".",
-        ),
-    )
+    return (finding,)
 
 
 def phases(decay: Decay) -> tuple[Phase, ...]:

@@ -41,15 +41,19 @@ def about_copies(judged: Sequence[Judged], where: str) -> list[Finding]:
     if not copied:
         return []
     return [
-        Finding(
+        Finding.of(
             "error",
             "copied-impact",
             where,
-            f"{sum(map(len, copied)) - len(copied)} of {len(judged)} impacts are copies of others: "
-            f"{' and '.join(copied[0][:3])} agree in every sample, with their noise.",
+            "{count} of {total} impacts are copies of others: {copied} agree in every sample, with their noise.",
             float(sum(map(len, copied)) - len(copied)),
             0.0,
-            "Coherence and intervals are too good, and points that were not measured have the FRFs of others: find "
-            "the records that belong there, or exclude the copies by a repair.",
+            advice=(
+                "Coherence and intervals are too good, and points that were not measured have the FRFs of "
+                "others: find the records that belong there, or exclude the copies by a repair."
+            ),
+            count=sum(map(len, copied)) - len(copied),
+            total=len(judged),
+            copied=" and ".join(copied[0][:3]),
         )
     ]

@@ -178,14 +178,16 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
     known = np.ones(frfs.values.shape[1:], bool) if frfs.averages is None else frfs.averages > 1
     if not known.all():
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "one-average",
                 _where(frfs),
-                f"{np.sum(~known)} of {known.size} FRFs have one average: their coherence is 1 by definition.",
+                "{count} of {total} FRFs have one average: their coherence is 1 by definition.",
                 1.0,
                 2.0,
-                "Average at least three measurements.",
+                advice="Average at least three measurements.",
+                count=np.sum(~known),
+                total=known.size,
             )
         )
     if not known.any():
@@ -193,14 +195,15 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
     median = float(np.nanmedian(frfs.coherence[:, known]))
     if median < LOW_COHERENCE:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "low-coherence",
                 _where(frfs),
-                f"the median coherence is {median:.2f}.",
+                "the median coherence is {median}.",
                 median,
                 LOW_COHERENCE,
-                "Check noise, leakage, double hits and the excited band before trusting the damping.",
+                advice="Check noise, leakage, double hits and the excited band before trusting the damping.",
+                median=f"{median:.2f}",
             )
         )
     weight = np.abs(frfs.values)
@@ -212,14 +215,16 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
         here = float(np.nanmedian(frfs.coherence[near][:, strong]))
         if here < LOW_COHERENCE:
             findings.append(
-                Finding(
+                Finding.of(
                     "warning",
                     "low-coherence",
                     _where(frfs, f"{peak:.1f} Hz"),
-                    f"the coherence at the resonance at {peak:.1f} Hz is {here:.2f}.",
+                    "the coherence at the resonance at {frequency} Hz is {coherence}.",
                     here,
                     LOW_COHERENCE,
-                    "Leakage, noise or nonlinearity: use longer blocks, more averages or one force level.",
+                    advice="Leakage, noise or nonlinearity: use longer blocks, more averages or one force level.",
+                    frequency=f"{peak:.1f}",
+                    coherence=f"{here:.2f}",
                 )
             )
     return findings
@@ -238,14 +243,15 @@ def _noise(frfs: FrfSet) -> list[Finding]:
     if median < NOISY:
         return []
     return [
-        Finding(
+        Finding.of(
             "warning",
             "noisy-frfs",
             _where(frfs),
-            f"the standard deviation of the FRFs is {100 * median:.0f} % of their magnitude (median).",
+            "the standard deviation of the FRFs is {median} % of their magnitude (median).",
             median,
             NOISY,
-            "Average more, or raise the force.",
+            advice="Average more, or raise the force.",
+            median=f"{100 * median:.0f}",
         )
     ]
 
@@ -300,15 +306,18 @@ def _drive_points(frfs: FrfSet) -> list[Finding]:
             )
         elif negative > WRONG_PHASE:
             findings.append(
-                Finding(
+                Finding.of(
                     "warning",
                     "drive-point-phase",
                     where,
-                    f"{100 * negative:.0f} % of the drive point's resistance is negative: not all resonances have the "
-                    "same phase.",
+                    "{share} % of the drive point's resistance is negative: not all resonances have the same phase.",
                     negative,
                     WRONG_PHASE,
-                    "Force and response are not at the same place and direction, or the channels have a phase error.",
+                    advice=(
+                        "Force and response are not at the same place and direction, or the channels have a phase "
+                        "error."
+                    ),
+                    share=f"{100 * negative:.0f}",
                 )
             )
     return findings
@@ -349,14 +358,16 @@ def _beyond_force(frfs: FrfSet, hits: HitGallery, peaks: Float[np.ndarray, "mode
     if len(beyond) == 0:
         return []
     return [
-        Finding(
+        Finding.of(
             "warning",
             "usable-band",
             _where(frfs),
-            f"{len(beyond)} resonances lie above {hits.usable_band[1]:.0f} Hz, where the force has fallen by 20 dB.",
+            "{count} resonances lie above {frequency} Hz, where the force has fallen by 20 dB.",
             float(beyond[0]),
             hits.usable_band[1],
-            "Use a harder tip, or leave these modes out.",
+            advice="Use a harder tip, or leave these modes out.",
+            count=len(beyond),
+            frequency=f"{hits.usable_band[1]:.0f}",
         )
     ]
 

@@ -1,7 +1,7 @@
 """What a reader of a hammer test has to know."""
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ema.estimate import impact_choice
 from ema.estimate.block_end import LEFT_OVER, STRONGEST, RingDown
 from ema.estimate.judge import ONE_LEVEL, Judged
 from ema.estimate.levels import LevelEffect, pooled_effect
+from ema.messages import mark
 
 NONLINEAR = 0.05
 """Change of the FRFs over the range of levels above which the structure is called nonlinear."""
@@ -22,56 +23,75 @@ SWEEP_LEFT_OVER = 0.2
 """Response at the end of a sweep's record relative to its rms that betrays leakage."""
 
 _ADVICE = {
-    "double-hit": "Repeat the impact if the point has too few left.",
-    "overload": "Raise the range of the channel or strike more softly.",
-    "pre-trigger": "Start the record earlier: at least 5 % of the block before the impact.",
-    "next-impact": "Wait longer between the impacts.",
-    "early-impact": "Wait longer between the impacts.",
+    "double-hit": mark("Repeat the impact if the point has too few left."),
+    "overload": mark("Raise the range of the channel or strike more softly."),
+    "pre-trigger": mark("Start the record earlier: at least 5 % of the block before the impact."),
+    "next-impact": mark("Wait longer between the impacts."),
+    "early-impact": mark("Wait longer between the impacts."),
     "level": "",
     "excluded-impact": "",
 }
 _REMARKS = {
-    "under-range": ("below 10 % of the full scale of", "Lower the range of the channel or strike harder."),
-    "not-at-rest": ("while still moving:", "Wait until the structure is at rest before the next impact."),
-    "dc-shift": ("with a lasting shift of the mean of", "Check the sensor's mounting and range: it was overloaded."),
+    "under-range": (
+        mark("{count} of {total} impacts below 10 % of the full scale of {channel} (worst {worst} %)."),
+        mark("Lower the range of the channel or strike harder."),
+    ),
+    "not-at-rest": (
+        mark("{count} of {total} impacts while still moving: {channel} (worst {worst} %)."),
+        mark("Wait until the structure is at rest before the next impact."),
+    ),
+    "dc-shift": (
+        mark("{count} of {total} impacts with a lasting shift of the mean of {channel} (worst {worst} %)."),
+        mark("Check the sensor's mounting and range: it was overloaded."),
+    ),
 }
-_OVERRULE = "`keep` in the settings uses it all the same."
 
 
 def about_impacts(judged: Sequence[Judged], where: str) -> list[Finding]:
     """One finding per impact with a fault, one for small further contacts, one per kind of remark and channel."""
-    findings = []
+    return [*_about_faults(judged, where), *_about_contacts(judged, where), *_about_remarks(judged, where)]
+
+
+def _about_faults(judged: Sequence[Judged], where: str) -> Iterator[Finding]:
+    """What each impact with a fault is used for."""
     for one in judged:
         if one.clean and one.used:
             continue
         for reason in sorted(one.reasons, key=lambda reason: -reason.error)[:1]:
-            verdict = "used although it has a fault" if one.used else "not used"
-            advice = _ADVICE[reason.code]
-            findings.append(
-                Finding(
-                    "info" if one.asked else "warning",
-                    reason.code,
-                    f"{where}, {one.record}, point {one.dof}, impact {one.index}",
-                    f"{verdict}: {reason.text}.",
-                    abs(one.pulse.peak),
-                    None,
-                    advice if one.used or one.asked else f"{advice} {_OVERRULE}",
-                )
+            yield Finding.of(
+                "info" if one.asked else "warning",
+                reason.code,
+                f"{where}, {one.record}, point {one.dof}, impact {one.index}",
+                "used although it has a fault: {reason}." if one.used else "not used: {reason}.",
+                abs(one.pulse.peak),
+                advice="{remedy}" if one.used or one.asked else "{remedy} `keep` in the settings uses it all the same.",
+                reason=reason.text,
+                remedy=_ADVICE[reason.code],
             )
+
+
+def _about_contacts(judged: Sequence[Judged], where: str) -> Iterator[Finding]:
+    """Further contacts too small to count as faults."""
     small = [one.second.ratio for one in judged if one.clean and one.used and one.second is not None]
     if small:
-        findings.append(
-            Finding(
-                "info",
-                "double-hit",
-                where,
-                f"{len(small)} of {len(judged)} impacts have further contacts of {100 * min(small):.2g} to "
-                f"{100 * max(small):.2g} % of the peak; they are part of the measured force.",
-                max(small),
-                ONE_LEVEL,
-                "They do not bias the FRFs of a linear structure.",
-            )
+        yield Finding.of(
+            "info",
+            "double-hit",
+            where,
+            "{count} of {total} impacts have further contacts of {least} to {most} % of the peak; they "
+            "are part of the measured force.",
+            max(small),
+            ONE_LEVEL,
+            advice="They do not bias the FRFs of a linear structure.",
+            count=len(small),
+            total=len(judged),
+            least=f"{100 * min(small):.2g}",
+            most=f"{100 * max(small):.2g}",
         )
+
+
+def _about_remarks(judged: Sequence[Judged], where: str) -> Iterator[Finding]:
+    """How many impacts each kind of remark is about, by channel."""
     counted: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
     for one in judged:
         for remark in one.remarks:
@@ -80,18 +100,19 @@ def about_impacts(judged: Sequence[Judged], where: str) -> list[Finding]:
         text, advice = _REMARKS[code]
         low = code == "under-range"
         worst = min(values)[0] if low else max(values)[0]
-        findings.append(
-            Finding(
-                "info" if len(values) < 0.1 * len(judged) else "warning",
-                code,
-                f"{where}, channel {channel}",
-                f"{len(values)} of {len(judged)} impacts {text} {channel} (worst {100 * worst:.1f} %).",
-                worst,
-                values[0][1],
-                advice,
-            )
+        yield Finding.of(
+            "info" if len(values) < 0.1 * len(judged) else "warning",
+            code,
+            f"{where}, channel {channel}",
+            text,
+            worst,
+            values[0][1],
+            advice=advice,
+            count=len(values),
+            total=len(judged),
+            channel=channel,
+            worst=f"{100 * worst:.1f}",
         )
-    return findings
 
 
 def about_force(judged: Sequence[Judged], where: str) -> list[Finding]:
@@ -100,28 +121,34 @@ def about_force(judged: Sequence[Judged], where: str) -> list[Finding]:
     negative = sum(one.pulse.peak < 0 for one in judged)
     if negative:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "force-sign",
                 where,
-                f"{negative} of {len(judged)} impacts are negative pulses.",
+                "{negative} of {total} impacts are negative pulses.",
                 float(negative),
                 0.0,
-                "A hammer can only push: reverse the sign of the force channel by a repair, unless its DOF points "
-                "against the impact on purpose.",
+                advice=(
+                    "A hammer can only push: reverse the sign of the force channel by a repair, unless its DOF "
+                    "points against the impact on purpose."
+                ),
+                negative=negative,
+                total=len(judged),
             )
         )
     short = sum(one.before < 4 for one in judged)
     if short:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "pre-trigger",
                 where,
-                f"{short} of {len(judged)} impacts have no pre-trigger.",
+                "{short} of {total} impacts have no pre-trigger.",
                 float(short),
                 0.0,
-                "Start the record earlier: offset and noise of the channels are unknown.",
+                advice="Start the record earlier: offset and noise of the channels are unknown.",
+                short=short,
+                total=len(judged),
             )
         )
     return findings
@@ -134,14 +161,15 @@ def about_points(judged: Sequence[Judged], where: str) -> list[Finding]:
     lost = [dof for dof, own in used.items() if not own]
     if lost:
         findings.append(
-            Finding(
+            Finding.of(
                 "error",
                 "lost-point",
                 where,
-                f"no impact is left at {_list(lost)}.",
+                "no impact is left at {points}.",
                 float(len(lost)),
                 0.0,
-                "These points are missing in the FRFs: measure them again.",
+                advice="These points are missing in the FRFs: measure them again.",
+                points=_list(lost),
             )
         )
     for biased in (True, False):
@@ -170,14 +198,15 @@ def about_points(judged: Sequence[Judged], where: str) -> list[Finding]:
     single = [dof for dof, own in used.items() if len(own) == 1]
     if single:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "one-average",
                 where,
-                f"one impact only at {_list(single)}: the coherence is 1 by definition.",
+                "one impact only at {points}: the coherence is 1 by definition.",
                 1.0,
                 3.0,
-                "Strike each point three to five times.",
+                advice="Strike each point three to five times.",
+                points=_list(single),
             )
         )
     return findings
@@ -186,14 +215,13 @@ def about_points(judged: Sequence[Judged], where: str) -> list[Finding]:
 def about_selection(judged: Sequence[Judged], selection: Sequence[str], where: str) -> list[Finding]:
     """Entries of ``keep`` and ``reject`` that this run has no impact for."""
     return [
-        Finding(
+        Finding.of(
             "info",
             "selection",
             where,
-            f"no impact of this run is called {entry!r}.",
-            None,
-            None,
-            "Impacts are called by record or point and their number from 0, such as '12:+Z#3'.",
+            "no impact of this run is called {entry}.",
+            advice="Impacts are called by record or point and their number from 0, such as '12:+Z#3'.",
+            entry=f"{entry!r}",
         )
         for entry in impact_choice.unmatched(judged, selection)
     ]
@@ -205,15 +233,19 @@ def about_swap(swapped: Sequence[tuple[str, str]], records: int, where: str) -> 
         return []
     (force, response), count = Counter(swapped).most_common(1)[0]
     return [
-        Finding(
+        Finding.of(
             "error",
             "swapped-channels",
             where,
-            f"in {count} of {records} records the force channel {force} rings like a response and the response channel "
-            f"{response} is a pulse like a force: the two are probably exchanged.",
+            "in {count} of {records} records the force channel {force} rings like a response and the "
+            "response channel {response} is a pulse like a force: the two are probably exchanged.",
             float(count),
             0.5 * records,
-            f"Exchange the roles of {force} and {response} in campaign.toml.",
+            advice="Exchange the roles of {force} and {response} in campaign.toml.",
+            count=count,
+            records=records,
+            force=force,
+            response=response,
         )
     ]
 
@@ -223,41 +255,47 @@ def about_window(ring: RingDown, used: float, asked: bool, where: str) -> list[F
     findings = []
     if used > 0 and not asked:
         findings.append(
-            Finding(
+            Finding.of(
                 "info",
                 "exponential-window",
                 where,
-                f"{100 * ring.left_over:.0f} % of the response is left at the end of the block; an exponential window "
-                f"adds a decay of {used:.3g} 1/s, which the fit takes off exactly.",
+                "{left} % of the response is left at the end of the block; an exponential window adds a "
+                "decay of {decay} 1/s, which the fit takes off exactly.",
                 ring.left_over,
                 LEFT_OVER,
-                "Longer blocks need no window.",
+                advice="Longer blocks need no window.",
+                left=f"{100 * ring.left_over:.0f}",
+                decay=f"{used:.3g}",
             )
         )
     if used > STRONGEST * 1.001 * ring.structural and ring.left_over > LEFT_OVER:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "exponential-window",
                 where,
-                f"the window's decay of {used:.3g} 1/s is {used / ring.structural:.1f} times that of the structure.",
+                "the window's decay of {decay} 1/s is {times} times that of the structure.",
                 used / ring.structural,
                 STRONGEST,
-                "Damping is mostly the window's: use longer blocks or a weaker window.",
+                advice="Damping is mostly the window's: use longer blocks or a weaker window.",
+                decay=f"{used:.3g}",
+                times=f"{used / ring.structural:.1f}",
             )
         )
     remaining = ring.left_over * float(np.exp(-used * ring_duration(ring)))
     if remaining > LEFT_OVER:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "leakage",
                 where,
-                f"{100 * remaining:.1f} % of the response is left at the end of the block"
-                f"{' in spite of the window' if used > 0 else ''}.",
+                "{remaining} % of the response is left at the end of the block in spite of the window."
+                if used > 0
+                else "{remaining} % of the response is left at the end of the block.",
                 remaining,
                 LEFT_OVER,
-                "Measure longer blocks, or the damping is biased.",
+                advice="Measure longer blocks, or the damping is biased.",
+                remaining=f"{100 * remaining:.1f}",
             )
         )
     return findings
@@ -277,15 +315,16 @@ def about_levels(effects: list[LevelEffect], bins: Sequence[tuple[float, float]]
         return []
     levels = ", ".join(f"{low:.4g}-{high:.4g}" for low, high in bins[:4])
     return [
-        Finding(
+        Finding.of(
             "warning",
             "level-dependence",
             where,
-            f"the FRFs change by {100 * effect.change:.0f} % with the level of the impacts: the structure is not "
-            "linear.",
+            "the FRFs change by {change} % with the level of the impacts: the structure is not linear.",
             effect.change,
             NONLINEAR,
-            f"Use impacts of one level at a time (level = one of {levels}).",
+            advice="Use impacts of one level at a time (level = one of {levels}).",
+            change=f"{100 * effect.change:.0f}",
+            levels=levels,
         )
     ]
 
@@ -295,15 +334,18 @@ def about_band(band: tuple[float, float], highest: float, where: str) -> list[Fi
     if band[1] >= highest:
         return []
     return [
-        Finding(
+        Finding.of(
             "info",
             "usable-band",
             where,
-            f"the force spectrum has fallen by 10 dB at {band[0]:.0f} Hz and by 20 dB at {band[1]:.0f} Hz; the FRFs "
-            f"reach to {highest:.0f} Hz.",
+            "the force spectrum has fallen by 10 dB at {at_10_dB} Hz and by 20 dB at {at_20_dB} Hz; the "
+            "FRFs reach to {highest} Hz.",
             band[1],
             highest,
-            "Use the FRFs up to the -20 dB frequency, or a harder tip.",
+            advice="Use the FRFs up to the -20 dB frequency, or a harder tip.",
+            at_10_dB=f"{band[0]:.0f}",
+            at_20_dB=f"{band[1]:.0f}",
+            highest=f"{highest:.0f}",
         )
     ]
 

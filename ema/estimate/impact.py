@@ -45,8 +45,36 @@ _Key = tuple[Dof, tuple[Dof, ...]]
 
 
 @dataclass(frozen=True)
-class Options:
-    """Settings of a hammer test; see :func:`hammer_test`."""
+class HammerSettings:
+    """How the FRFs of a hammer test are estimated.
+
+    Parameters
+    ----------
+    estimator : {"H1", "H2", "Hv"}, default "H1"
+        ``H1`` (noise on the responses), ``H2`` (noise on the force) or ``Hv``.
+    block : int, optional
+        Samples per block; by default from impact to impact, or to the end of the record.
+    trigger : float, optional
+        Force [N] above its offset that counts as an impact; by default from the noise and the strongest impact.
+    level : tuple of (float, float), optional
+        Peak forces [N] to use, ``(lowest, highest)``; by default all.
+    decay : float, optional
+        Decay rate [1/s] of an exponential window; by default none unless the response still rings at the end of the
+        block. It is applied to force and response, and passed on in ``FrfSet.added_decay``.
+    window_force : bool, default True
+        Replace the force outside its contacts by zero.
+    keep : sequence of str, optional
+        Impacts to use whatever is wrong with them, by ``"all"``, by fault (``"double-hit"``, ``"overload"``,
+        ``"pre-trigger"``, ``"next-impact"``, ``"early-impact"``), by record or point (``"12:+Z"``), or by their number
+        from 0 in one of these (``"12:+Z#3"``). What ``reject``, ``level`` and the campaign leave out stays out.
+    reject : sequence of str, optional
+        Impacts not to use, named in the same way.
+
+    Examples
+    --------
+    >>> HammerSettings(decay=2.0).estimator
+    'H1'
+    """
 
     estimator: Estimator = "H1"
     block: int | None = None
@@ -54,8 +82,15 @@ class Options:
     level: tuple[float, float] | None = None
     decay: float | None = None
     window_force: bool = True
-    keep: tuple[str, ...] = ()
-    reject: tuple[str, ...] = ()
+    keep: Sequence[str] = ()
+    reject: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "keep", tuple(self.keep))
+        object.__setattr__(self, "reject", tuple(self.reject))
+
+
+DEFAULTS = HammerSettings()
 
 
 class _Blocks(NamedTuple):
@@ -89,16 +124,8 @@ class _Takes:
 
 def hammer(
     run: Run,
-    estimator: Estimator = "H1",
-    block: int | None = None,
-    trigger: float | None = None,
-    level: tuple[float, float] | None = None,
-    decay: float | None = None,
-    window_force: bool = True,
+    settings: HammerSettings = DEFAULTS,
     progress: Progress = silent,
-    *,
-    keep: Sequence[str] = (),
-    reject: Sequence[str] = (),
 ) -> FrfSet:
     """Estimate the FRFs of a hammer test.
 
@@ -106,22 +133,10 @@ def hammer(
     ----------
     run : Run
         A hammer test.
-    estimator : {"H1", "H2", "Hv"}, default "H1"
-        ``H1``, ``H2`` or ``Hv``.
-    block : int, optional
-        Samples per block.
-    trigger : float, optional
-        Force [N] that counts as an impact.
-    level : tuple of (float, float), optional
-        Peak forces [N] to use.
-    decay : float, optional
-        Decay rate [1/s] of an exponential window.
-    window_force : bool, default True
-        Replace the force outside its contacts by zero.
+    settings : HammerSettings, optional
+        Estimator, blocks, windows and choice of impacts.
     progress : Progress, optional
         Called as the records are read.
-    keep, reject : sequence of str, optional
-        Impacts to use and not to use; these and the defaults of the others are those of :func:`hammer_test`.
 
     Returns
     -------
@@ -139,23 +154,13 @@ def hammer(
     >>> hammer(campaign()["bare"]).quantity
     'accelerance'
     """
-    return hammer_test(run, estimator, block, trigger, level, decay, window_force, progress, keep=keep, reject=reject)[
-        0
-    ]
+    return hammer_test(run, settings, progress)[0]
 
 
 def hammer_test(
     run: Run,
-    estimator: Estimator = "H1",
-    block: int | None = None,
-    trigger: float | None = None,
-    level: tuple[float, float] | None = None,
-    decay: float | None = None,
-    window_force: bool = True,
+    settings: HammerSettings = DEFAULTS,
     progress: Progress = silent,
-    *,
-    keep: Sequence[str] = (),
-    reject: Sequence[str] = (),
 ) -> tuple[FrfSet, HitGallery]:
     """Estimate the FRFs of a hammer test, with all its impacts.
 
@@ -167,27 +172,10 @@ def hammer_test(
     run : Run
         Every record has one reference channel (the hammer), whose DOF says where it struck, one or more responses, and
         one impact or many. Impacts on the same DOF are averaged, over records too.
-    estimator : {"H1", "H2", "Hv"}, default "H1"
-        ``H1`` (noise on the responses), ``H2`` (noise on the force) or ``Hv``.
-    block : int, optional
-        Samples per block; by default from impact to impact, or to the end of the record.
-    trigger : float, optional
-        Force [N] above its offset that counts as an impact; by default from the noise and the strongest impact.
-    level : tuple of (float, float), optional
-        Peak forces [N] to use, ``(lowest, highest)``; by default all.
-    decay : float, optional
-        Decay rate [1/s] of an exponential window; by default none unless the response still rings at the end of the
-        block. It is applied to force and response, and passed on in ``FrfSet.added_decay``.
-    window_force : bool, default True
-        Replace the force outside its contacts by zero.
+    settings : HammerSettings, optional
+        Estimator, blocks, windows and choice of impacts.
     progress : Progress, optional
         Called as the records are read.
-    keep : sequence of str, optional
-        Impacts to use whatever is wrong with them, by ``"all"``, by fault (``"double-hit"``, ``"overload"``,
-        ``"pre-trigger"``, ``"next-impact"``, ``"early-impact"``), by record or point (``"12:+Z"``), or by their number
-        from 0 in one of these (``"12:+Z#3"``). What ``reject``, ``level`` and the campaign leave out stays out.
-    reject : sequence of str, optional
-        Impacts not to use, named in the same way.
 
     Returns
     -------
@@ -207,22 +195,21 @@ def hammer_test(
     >>> len(gallery.accepted), frfs.unit
     (1, '(m/s^2)/N')
     """
-    options = Options(estimator, block, trigger, level, decay, window_force, tuple(keep), tuple(reject))
     where = channels.describe(run)
     takes = _Takes(channels.recordings_of(run))
-    scanned, findings = _scan(run, takes, options, progress)
+    scanned, findings = _scan(run, takes, settings, progress)
     rate = takes[0].sampling_rate
-    length, before = _block(scanned, options)
-    judged = impact_choice.with_room(scanned, length, before, rate, options.level)
+    length, before = _block(scanned, settings)
+    judged = impact_choice.with_room(scanned, length, before, rate, settings.level)
     ring = _ring_down(takes, judged, length, rate)
     if ring.left_over > LEFT_OVER:
         # A response that the block cuts off is a sum of poles on its lines only where the block begins with it.
-        length, before = _block(scanned, options, lead=_half_contact(judged))
-        judged = impact_choice.with_room(scanned, length, before, rate, options.level)
+        length, before = _block(scanned, settings, lead=_half_contact(judged))
+        judged = impact_choice.with_room(scanned, length, before, rate, settings.level)
         ring = _ring_down(takes, judged, length, rate)
-    added = ring.needed if decay is None else decay
+    added = ring.needed if settings.decay is None else settings.decay
     judged = impact_choice.with_errors(judged, length, before, rate, ring, added)
-    judged = impact_choice.chosen(judged, options.keep, options.reject)
+    judged = impact_choice.chosen(judged, settings.keep, settings.reject)
     if not any(one.used for one in judged):
         raise InputError(
             "no impact is left",
@@ -233,7 +220,7 @@ def hammer_test(
     sums: dict[_Key, Sums] = {}
     single, effects = SingleImpacts(), list[LevelEffect]()
     blocks = _Blocks(length, before, added)
-    for key, parts, effect in _transformed(run, takes, judged, blocks, options, progress):
+    for key, parts, effect in _transformed(run, takes, judged, blocks, settings, progress):
         sums[key] = reduce(add, parts, sums[key]) if key in sums else reduce(add, parts)
         single.keep(key, parts)
         effects += [effect] if effect is not None else []
@@ -243,16 +230,16 @@ def hammer_test(
         *hammer_findings.about_force(judged, where),
         *hammer_findings.about_impacts(judged, where),
         *hammer_findings.about_points(judged, where),
-        *hammer_findings.about_selection(judged, (*options.keep, *options.reject), where),
-        *hammer_findings.about_window(ring, added, decay is not None, where),
+        *hammer_findings.about_selection(judged, (*settings.keep, *settings.reject), where),
+        *hammer_findings.about_window(ring, added, settings.decay is not None, where),
         *applied_window.about_applied_window(_noise_decays(takes, judged, rate), where),
         *hammer_findings.about_levels(effects, level_bins(gallery), where),
         *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
     ]
-    return _assemble(run, takes[0], sums, single, blocks, options, findings), gallery
+    return _assemble(run, takes[0], sums, single, blocks, settings, findings), gallery
 
 
-def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tuple[list[Judged], list[Finding]]:
+def _scan(run: Run, takes: _Takes, settings: HammerSettings, progress: Progress) -> tuple[list[Judged], list[Finding]]:
     """Every impact of the run, judged by itself."""
     judged: dict[int, list[Judged]] = {}
     layouts: list[channels.Layout] = []
@@ -260,7 +247,7 @@ def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tupl
     for place in range(len(takes.records)):
         record = takes[place]
         layout = _checked(run, record, takes[0].sampling_rate)
-        judged[place] = judge_record(record, layout, place, options.trigger)
+        judged[place] = judge_record(record, layout, place, settings.trigger)
         layouts.append(layout)
         if (response := probably_swapped(record, layout)) is not None:
             swapped.append((record.channels[layout.references[0]].name, response))
@@ -268,7 +255,7 @@ def _scan(run: Run, takes: _Takes, options: Options, progress: Progress) -> tupl
     counts = np.array([len(own) for own in judged.values()])
     if len(counts) > 1 and np.mean(counts == 1) > 0.5:  # one impact per record: all pulses of a record are contacts
         for number in np.flatnonzero(counts > 1).tolist():
-            judged[number] = judge_record(takes[number], layouts[number], number, options.trigger, alone=True)
+            judged[number] = judge_record(takes[number], layouts[number], number, settings.trigger, alone=True)
     findings = hammer_findings.about_swap(swapped, len(counts), channels.describe(run))
     silence = [channels.describe(run, takes[place]) for place, own in judged.items() if not own]
     if len(silence) == len(counts):
@@ -317,24 +304,24 @@ def _checked(run: Run, record: Recording, rate: float) -> channels.Layout:
     return layout
 
 
-def _block(judged: list[Judged], options: Options, lead: int | None = None) -> tuple[int, int]:
+def _block(judged: list[Judged], settings: HammerSettings, lead: int | None = None) -> tuple[int, int]:
     """Samples per block and samples before the trigger that belong to it, at most ``lead``."""
     usable = _best_of_points(judged)
     before = int(min(np.median([one.before for one in usable]), np.median([one.after for one in usable]) // 20))
     before = before if lead is None else min(before, lead)
-    if options.block is not None:
-        if options.block < 16:
-            raise InputError("the block is too short", got=f"{options.block} samples", expected="at least 16")
+    if settings.block is not None:
+        if settings.block < 16:
+            raise InputError("the block is too short", got=f"{settings.block} samples", expected="at least 16")
         longest = max(one.before + one.after for one in judged)
-        if options.block > LONGEST_PADDED * longest:
+        if settings.block > LONGEST_PADDED * longest:
             raise InputError(
                 "the block is longer than the records",
                 where=judged[0].record,
-                got=f"{options.block} samples",
+                got=f"{settings.block} samples",
                 expected=f"at most {LONGEST_PADDED * longest}, {LONGEST_PADDED} times the room of the longest impact",
                 advice="leave block out: it is then what the impacts have room for",
             )
-        return options.block, min(before, options.block // 20)
+        return settings.block, min(before, settings.block // 20)
     rooms = np.array([min(one.before, before) + one.after for one in usable])
     # A few impacts that were followed by another one too early do not shorten the blocks of all, unless their point
     # has no better ones.
@@ -389,7 +376,7 @@ def _noise_decays(takes: _Takes, judged: list[Judged], rate: float) -> Iterator[
 
 
 def _transformed(
-    run: Run, takes: _Takes, judged: list[Judged], blocks: _Blocks, options: Options, progress: Progress
+    run: Run, takes: _Takes, judged: list[Judged], blocks: _Blocks, settings: HammerSettings, progress: Progress
 ) -> Iterator[tuple[_Key, list[Sums], LevelEffect | None]]:
     """Sums of spectra of the impacts of each record, under (force DOF, response DOFs)."""
     for place in range(len(takes.records)):
@@ -397,7 +384,7 @@ def _transformed(
         if accepted:
             record = takes[place]
             layout = channels.layout(record, channels.describe(run, record))
-            spectra = [_spectra(record, layout, one, blocks, options.window_force) for one in accepted]
+            spectra = [_spectra(record, layout, one, blocks, settings.window_force) for one in accepted]
             peaks = np.array([abs(one.pulse.peak) for one in accepted])
             effect = level_effect(spectra, peaks)
             parts = [single_input.summed(force, response) for force, response in spectra]
@@ -456,7 +443,7 @@ def _assemble(
     sums: dict[_Key, Sums],
     single: SingleImpacts,
     blocks: _Blocks,
-    options: Options,
+    settings: HammerSettings,
     findings: list[Finding],
 ) -> FrfSet:
     """The FRF set of all sums."""
@@ -474,10 +461,10 @@ def _assemble(
     for (force, dofs), part in sums.items():
         column, rows = inputs.index(force), [outputs.index(dof) for dof in dofs]
         values[column, rows], coherence[column, rows], variance[column, rows] = single_input.estimate(
-            part, options.estimator
+            part, settings.estimator
         )
         averages[rows, column] = part.averages
-    factor = single_input.over_h1(coherence, options.estimator)
+    factor = single_input.over_h1(coherence, settings.estimator)
     where = channels.describe(run, first)
     layout = channels.layout(first, where)
     quantity, unit = channels.frf_quantity(
@@ -493,7 +480,7 @@ def _assemble(
         unit=unit,
         coherence=coherence.transpose(2, 1, 0),
         variance=variance.transpose(2, 1, 0),
-        estimator=options.estimator,
+        estimator=settings.estimator,
         averages=averages,
         added_decay=decay,
         record_length=length / first.sampling_rate,
@@ -502,7 +489,7 @@ def _assemble(
         name=run.id,
         findings=tuple(findings),
         provenance=Provenance(
-            steps=("estimate.hammer",), options=tuple((name, str(value)) for name, value in vars(options).items())
+            steps=("estimate.hammer",), options=tuple((name, str(value)) for name, value in vars(settings).items())
         ),
         deviations=single.deviations(values, sums, outputs, inputs, factor),
     )

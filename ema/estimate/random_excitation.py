@@ -202,14 +202,14 @@ def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tup
     deviations = parts.get("deviations")
     if deviations is not None:
         cut["deviations"] = replace(deviations, values=deviations.values[:, kept])
-    finding = Finding(
+    finding = Finding.of(
         "info",
         "excited-band",
         where,
-        f"the force excites {max(band[0], frequencies[0]):.4g} to {min(band[1], frequencies[-1]):.4g} Hz; the lines "
-        "beyond it are left out.",
+        "the force excites {low} to {high} Hz; the lines beyond it are left out.",
         float(kept.mean()),
-        None,
+        low=f"{max(band[0], frequencies[0]):.4g}",
+        high=f"{min(band[1], frequencies[-1]):.4g}",
     )
     return parts | cut, (finding,)
 
@@ -496,17 +496,21 @@ def input_findings(found: Spectra, inputs: Sequence[object], where: str) -> tupl
             median = float(np.median(between[1:, a, b]))
             high = median > CORRELATED
             findings.append(
-                Finding(
+                Finding.of(
                     "warning" if high else "info",
                     "input-correlation",
                     where,
-                    f"the median coherence between the forces at {inputs[b]} and {inputs[a]} is {median:.2f} "
-                    f"(independent forces give {bias:.2f}).",
+                    "the median coherence between the forces at {one} and {other} is {median} "
+                    "(independent forces give {bias}).",
                     median,
                     CORRELATED,
-                    "Drive the shakers with independent signals: the FRFs scatter more than they have to."
+                    advice="Drive the shakers with independent signals: the FRFs scatter more than they have to."
                     if high
                     else "",
+                    one=inputs[b],
+                    other=inputs[a],
+                    median=f"{median:.2f}",
+                    bias=f"{bias:.2f}",
                 )
             )
     return tuple(findings)

@@ -132,15 +132,17 @@ def about_level(levels: Sequence[float], where: str) -> tuple[Finding, ...]:
     if high <= FORCE * low or low <= 0:
         return ()
     return (
-        Finding(
+        Finding.of(
             "warning",
             "levels-in-one-run",
             where,
-            f"the force of the records runs from {low:.3g} to {high:.3g}: where a joint moves, their mean is the FRF "
-            "of no level, and intervals do not contain that.",
+            "the force of the records runs from {low} to {high}: where a joint moves, their mean is the "
+            "FRF of no level, and intervals do not contain that.",
             high / low,
             FORCE,
-            "Make a run of the records of each level; for a linear structure the mean is right.",
+            advice="Make a run of the records of each level; for a linear structure the mean is right.",
+            low=f"{low:.3g}",
+            high=f"{high:.3g}",
         ),
     )
 

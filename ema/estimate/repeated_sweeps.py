@@ -90,13 +90,15 @@ def repeats(sums: Sums, spectra: SpectraSums, keep: slice) -> Repeats | None:
 
 def finding(repeated: Repeats, frequency: float, where: str) -> Finding:
     """What the force of the others was taken for."""
-    return Finding(
+    return Finding.of(
         "info",
         "force-noise",
         where,
-        f"noise is {100 * repeated.share:.2g} % of the power of the force at {frequency:.4g} Hz, by which H1 would be "
-        "too low: the force of the other records is the reference.",
+        "noise is {share} % of the power of the force at {frequency} Hz, by which H1 would be too "
+        "low: the force of the other records is the reference.",
         repeated.share,
         MATTERS,
-        "Use a load cell of less range, or more force at the resonances.",
+        advice="Use a load cell of less range, or more force at the resonances.",
+        share=f"{100 * repeated.share:.2g}",
+        frequency=f"{frequency:.4g}",
     )

@@ -1,4 +1,4 @@
-"""Whether a mode follows its amplitude within one random test: the reverse path, force as a function of the response.
+"""Whether a mode depends on its amplitude within one random test: the reverse path, force as function of response.
 
 Under random excitation the amplitude of a mode wanders between little and several times its mean, so that one test
 holds a range of levels. The force that a joint with friction adds is a function of that amplitude.
@@ -46,7 +46,7 @@ _ORDERS = (4, 2)
 
 @dataclass(frozen=True)
 class AmplitudeDependence:
-    """How the dynamic stiffness of a mode follows its amplitude in a random test.
+    """How the dynamic stiffness of a mode depends on its amplitude in a random test.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def amplitude_dependence(
 
 
 def amplitude_finding(read: Sequence[AmplitudeDependence], where: str) -> Finding | None:
-    """Say which modes follow their amplitude; ``None`` where none is seen to.
+    """Say which modes depend on their amplitude; ``None`` where none is seen to.
 
     Parameters
     ----------
@@ -163,15 +163,23 @@ def amplitude_finding(read: Sequence[AmplitudeDependence], where: str) -> Findin
         return None
     worst = max(named, key=lambda one: one.change)
     at = ", ".join(f"{one.frequency:.5g}" for one in named)
-    return Finding(
+    return Finding.of(
         "warning",
         "amplitude-dependence",
         where,
-        f"The modes at {at} Hz follow their amplitude within the test: up to the rms amplitude the dynamic stiffness "
-        f"at {worst.frequency:.5g} Hz changes by {100 * worst.change:.2g} %. It is not linear at this level.",
+        "The modes at {at} Hz depend on the vibration amplitude within this test: between small amplitudes and the "
+        "rms amplitude the dynamic stiffness at {frequency} Hz changes by {change} %. The structure is not linear at "
+        "this level.",
         worst.change,
         CHANGE,
-        "FRFs hold for this level only; repeat at half of it, and state modes with the level.",
+        advice=(
+            "Use the FRFs, natural frequencies and damping ratios for this excitation level only, and state the level "
+            "with them. Repeat the test at half the level: if they change, test at the level of operation, or control "
+            "the response amplitude with a stepped sine."
+        ),
+        at=at,
+        frequency=f"{worst.frequency:.5g}",
+        change=f"{100 * worst.change:.2g}",
     )
 
 

@@ -118,14 +118,17 @@ def force_at_resonance(recording: Recording, frequency: float, damping: float, d
     findings: tuple[Finding, ...] = ()
     if dropout < DROPOUT:
         findings = (
-            Finding(
+            Finding.of(
                 "info",
                 "force-dropout",
                 where,
-                f"the force falls to {dropout:.0%} at {frequency:.4g} Hz: {level:.3g} N at resonance.",
+                "the force falls to {share} at {frequency} Hz: {level} N at resonance.",
                 dropout,
                 DROPOUT,
-                "Label the point with the force at resonance; control the level where the map needs it.",
+                advice="Label the point with the force at resonance; control the level where the map needs it.",
+                share=f"{dropout:.0%}",
+                frequency=f"{frequency:.4g}",
+                level=f"{level:.3g}",
             ),
         )
     return ForceLevel(level, float(np.std(amplitude[inside])), dropout, findings)
@@ -230,15 +233,16 @@ def phase_resonance(
     findings: tuple[Finding, ...] = ()
     if spread > 1 / DROPOUT - 1:
         findings = (
-            Finding(
+            Finding.of(
                 "warning",
                 "force-not-constant",
                 where,
-                f"the force runs from {amplitudes.min():.3g} to {amplitudes.max():.3g} N over "
-                "the lines: the FRF belongs to no one level.",
+                "the force runs from {low} to {high} N over the lines: the FRF belongs to no one level.",
                 spread,
                 1 / DROPOUT - 1,
-                "Label it with the force at resonance, or control the force.",
+                advice="Label it with the force at resonance, or control the force.",
+                low=f"{amplitudes.min():.3g}",
+                high=f"{amplitudes.max():.3g}",
             ),
         )
     return PhaseResonance(frequency, ratio, float(np.interp(frequency, frequencies, amplitudes)), findings)
@@ -313,35 +317,41 @@ def sweep_rate(
     if rate <= limit:
         return rate, limit, ()
     if friction:
-        finding = Finding(
+        finding = Finding.of(
             "warning",
             "sweep-rate",
             where,
-            f"the sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s: the joint is "
-            "not at a steady amplitude, and the sign of the error in the damping is unknown.",
+            "the sweep passes {frequency} Hz with {rate} Hz/s: the joint is not at a steady amplitude, "
+            "and the sign of the error in the damping is unknown.",
             rate,
             limit,
-            "Sweep slower, or step the sine.",
+            advice="Sweep slower, or step the sine.",
+            frequency=f"{frequency:.4g}",
+            rate=f"{rate:.3g}",
         )
     elif periodic:
-        finding = Finding(
+        finding = Finding.of(
             "info",
             "sweep-rate",
             where,
-            f"the periodic sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s; FRFs of "
-            "a linear structure have no error by it.",
+            "the periodic sweep passes {frequency} Hz with {rate} Hz/s; FRFs of a linear structure have "
+            "no error by it.",
             rate,
             limit,
+            frequency=f"{frequency:.4g}",
+            rate=f"{rate:.3g}",
         )
     else:
-        finding = Finding(
+        finding = Finding.of(
             "info",
             "sweep-rate",
             where,
-            f"the sweep passes {frequency:.4g} Hz with {rate:.3g} Hz/s: a tracked "
-            "response is too low there; FRFs are right where the whole decay is recorded.",
+            "the sweep passes {frequency} Hz with {rate} Hz/s: a tracked response is too low there; FRFs "
+            "are right where the whole decay is recorded.",
             rate,
             limit,
+            frequency=f"{frequency:.4g}",
+            rate=f"{rate:.3g}",
         )
     return rate, limit, (finding,)
 

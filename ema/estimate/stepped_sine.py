@@ -429,28 +429,30 @@ def _about_steps(apart: tuple[float, float], unsteady: float, where: str) -> lis
     findings = []
     if apart[0] > LEVEL:
         findings.append(
-            Finding(
+            Finding.of(
                 "error",
                 "records-disagree",
                 where,
-                f"what was measured more than once at {apart[1]:.5g} Hz differs by {100 * apart[0]:.0f} % from its "
-                "mean.",
+                "what was measured more than once at {frequency} Hz differs by {difference} % from its mean.",
                 apart[0],
                 LEVEL,
-                "Leave out the records that are wrong; steps at another level are a run of their own.",
+                advice="Leave out the records that are wrong; steps at another level are a run of their own.",
+                frequency=f"{apart[1]:.5g}",
+                difference=f"{100 * apart[0]:.0f}",
             )
         )
     if unsteady > UNSTEADY:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning" if unsteady < UNUSABLE else "error",
                 "unsteady",
                 where,
-                f"a response changes by {100 * unsteady:.0f} % within a record: the "
-                "structure had not settled, and a joint was not at a steady amplitude.",
+                "a response changes by {change} % within a record: the structure had not settled, and a "
+                "joint was not at a steady amplitude.",
                 unsteady,
                 UNSTEADY,
-                "Wait longer before recording, or discard the start of the records.",
+                advice="Wait longer before recording, or discard the start of the records.",
+                change=f"{100 * unsteady:.0f}",
             )
         )
     return findings

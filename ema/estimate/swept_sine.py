@@ -340,14 +340,15 @@ def _about_sweeps(left: float, averages: float, where: str) -> list[Finding]:
     findings = []
     if left > hammer_findings.SWEEP_LEFT_OVER:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "leakage",
                 where,
-                f"the response at the end of the record still has {100 * left:.0f} % of its rms.",
+                "the response at the end of the record still has {left} % of its rms.",
                 left,
                 hammer_findings.SWEEP_LEFT_OVER,
-                "Record on until the structure is at rest.",
+                advice="Record on until the structure is at rest.",
+                left=f"{100 * left:.0f}",
             )
         )
     if averages < 2:

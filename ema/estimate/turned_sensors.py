@@ -55,16 +55,21 @@ def turned_sensors(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Findi
 
 
 def _finding(run: str, channel: str, points: list[str]) -> Finding:
-    more = f" and {len(points) - 6} more" if len(points) > 6 else ""
-    return Finding(
+    more = len(points) - 6
+    return Finding.of(
         "error",
         "sensor-turned",
         f"run {run}, {channel}" if run else channel,
-        f"at {', '.join(points[:6])}{more} the sign against the other channels is opposite to that at the other points "
-        "at the resonances: the sensor was turned round between the points. Each mode may be found twice.",
+        "at {points} and {more} more the sign against the other channels is opposite to that at the other points at "
+        "the resonances: the sensor was turned round between the points. Each mode may be found twice."
+        if more > 0
+        else "at {points} the sign against the other channels is opposite to that at the other points at the "
+        "resonances: the sensor was turned round between the points. Each mode may be found twice.",
         float(len(points)),
         0.0,
-        'Turn it back by a repair of the records of these points: what = "reverse sign".',
+        advice='Turn it back by a repair of the records of these points: what = "reverse sign".',
+        points=", ".join(points[:6]),
+        more=more,
     )
 
 

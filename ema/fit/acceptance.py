@@ -14,6 +14,7 @@ from ema.fit.policy import SelectionPolicy
 from ema.fit.refinement import Refined
 from ema.fit.search import evidence, macs
 from ema.fit.uncertainty import PoleErrors
+from ema.messages import mark
 
 _SHAPE_FREEDOM = 6
 """Degrees of freedom of the scatter of a shape: errors of a few poles make most of it.
@@ -89,9 +90,13 @@ def judge(
     for pole in np.flatnonzero(possible):
         reason = ""
         if tones[pole]:
-            reason = "its damping is not told from zero, at a multiple of the mains frequency"
+            reason = mark("its damping is not told from zero, at a multiple of the mains frequency")
         elif steady[pole]:
-            reason = "it does not decay" + (" once the exponential window is taken off" if added_decay else "")
+            reason = (
+                mark("it does not decay once the exponential window is taken off")
+                if added_decay
+                else mark("it does not decay")
+            )
         elif explained[pole] < 1:
             reason = f"it explains {explained[pole]:.2g} times what noise may"
         elif not resonant[pole]:

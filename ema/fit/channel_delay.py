@@ -13,6 +13,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, ModalModel
 from ema.dof import Dof
+from ema.messages import mark
 
 CHANCE = 1e-4
 """Probability that the scatter of the phases alone looks like a delay, for any channel of a test."""
@@ -88,15 +89,17 @@ def _turned(
 def findings(late: tuple[Delay, ...], where: str) -> tuple[Finding, ...]:
     """A finding for each late channel."""
     return tuple(
-        Finding(
+        Finding.of(
             "warning",
             "channel-delay",
             f"{where}, {delay.dof}",
-            f"From the phases of the modes this channel is {1e6 * abs(delay.value):.3g} ± {1.96e6 * delay.std:.2g} us "
-            f"{'late' if delay.value > 0 else 'early'} relative to the force.",
-            value=delay.value,
-            limit=1.96 * delay.std,
-            advice="Check the filters and the sampling of the channel; shapes and residues there are turned by it.",
+            "From the phases of the modes this channel is {delay} ± {std} us {sense} relative to the force.",
+            delay.value,
+            1.96 * delay.std,
+            advice=("Check the filters and the sampling of the channel; shapes and residues there are turned by it."),
+            delay=f"{1000000.0 * abs(delay.value):.3g}",
+            std=f"{1960000.0 * delay.std:.2g}",
+            sense=mark("late") if delay.value > 0 else mark("early"),
         )
         for delay in late
     )

@@ -175,13 +175,16 @@ def _even(frfs: FrfSet) -> tuple[FrfSet, tuple[Finding, ...]]:
             expected="at least 16",
             advice="take the fit without a second opinion",
         )
-    note = Finding(
+    note = Finding.of(
         "warning",
         "uneven-axis",
         frfs.name or "FRFs",
-        f"The frequency axis has {len(breaks)} holes or changes of spacing; the second opinion is from "
-        f"{part.frequencies[0]:.6g} to {part.frequencies[-1]:.6g} Hz only.",
-        value=float(len(breaks)),
+        "The frequency axis has {count} holes or changes of spacing; the second opinion is from "
+        "{low} to {high} Hz only.",
+        float(len(breaks)),
+        count=len(breaks),
+        low=f"{part.frequencies[0]:.6g}",
+        high=f"{part.frequencies[-1]:.6g}",
     )
     return part, (note,)
 

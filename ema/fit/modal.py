@@ -174,18 +174,22 @@ class Estimate:
         worst = int(np.argmax(certain))
         if certain[worst] < leakage.SEEN:
             return ()
-        rest = "" if self.former is None else " The correction did not converge; the intervals were widened for it."
         return (
-            Finding(
+            Finding.of(
                 "info" if self.former is None else "warning",
                 "leakage",
                 f"{self.band.name or 'fit'}, {model.natural_frequencies[worst]:.6g} Hz",
-                f"Hann blocks of {self.band.record_length:.4g} s are short for this vibration: without a correction "
-                f"its damping ratio would be wrong by {change[worst] / model.damping_ratios[worst]:+.1%}. What the "
-                f"blocks do to the peaks was taken off.{rest}",
-                value=float(change[worst]),
-                limit=float(leakage.SEEN * np.sqrt(model.covariance[worst, 1, 1])),
+                "Hann blocks of {record_length} s are short for this vibration: without a correction its damping ratio "
+                "would be wrong by {change}. What the blocks do to the peaks was taken off."
+                if self.former is None
+                else "Hann blocks of {record_length} s are short for this vibration: without a correction its damping "
+                "ratio would be wrong by {change}. What the blocks do to the peaks was taken off. The correction did "
+                "not converge; the intervals were widened for it.",
+                float(change[worst]),
+                float(leakage.SEEN * np.sqrt(model.covariance[worst, 1, 1])),
                 advice="Use longer blocks, or the local model of the estimation, which has no leakage.",
+                record_length=f"{self.band.record_length:.4g}",
+                change=f"{change[worst] / model.damping_ratios[worst]:+.1%}",
             ),
         )
 
@@ -500,13 +504,14 @@ def _findings(
     found: list[Finding] = []
     if data.dead:
         found.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "dead-output",
                 where,
-                f"All FRFs of {', '.join(map(str, data.dead[:6]))} are zero; they were left out.",
-                value=float(len(data.dead)),
+                "All FRFs of {names} are zero; they were left out.",
+                float(len(data.dead)),
                 advice="Check the cable and the channel table.",
+                names=", ".join(map(str, data.dead[:6])),
             )
         )
     found += _coherence(where, band)
@@ -515,25 +520,28 @@ def _findings(
         value = np.array([drop.pole + band.added_decay])
         frequency, damping = natural_frequencies(value)[0], damping_ratios(value)[0]
         found.append(
-            Finding(
+            Finding.of(
                 "info",
                 "dropped-candidate",
                 where,
-                f"A pole at {frequency:.6g} Hz with {100 * damping:.3g} % damping was left out of the fit: "
-                f"{drop.reason}.",
-                value=float(frequency),
+                "A pole at {frequency} Hz with {damping} % damping was left out of the fit: {reason}.",
+                float(frequency),
                 advice="Look at the stabilisation diagram; measure with less noise if you expect a mode there.",
+                frequency=f"{frequency:.6g}",
+                damping=f"{100 * damping:.3g}",
+                reason=drop.reason,
             )
         )
     if len(dropped) > _NAMED:
         found.append(
-            Finding(
+            Finding.of(
                 "info",
                 "dropped-candidate",
                 where,
-                f"{len(dropped) - _NAMED} more poles were left out of the fit: noise or misfit explains them.",
-                value=float(len(dropped) - _NAMED),
+                "{count} more poles were left out of the fit: noise or misfit explains them.",
+                float(len(dropped) - _NAMED),
                 advice="Look at the stabilisation diagram.",
+                count=len(dropped) - _NAMED,
             )
         )
     poles = optimum.fit.poles
@@ -541,13 +549,14 @@ def _findings(
     if verdict.tones.any():
         listed = ", ".join(f"{f:.6g} Hz" for f in np.sort(natural_frequencies(poles[verdict.tones]))[:_NAMED])
         found.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "mains",
                 where,
-                f"There are tones of the mains at {listed}; they are in the fit, and not among the modes.",
-                value=float(np.count_nonzero(verdict.tones)),
+                "There are tones of the mains at {listed}; they are in the fit, and not among the modes.",
+                float(np.count_nonzero(verdict.tones)),
                 advice="Look for ground loops; a mode that is really there has a peak that the tone hides.",
+                listed=listed,
             )
         )
     found += _window_not_applied(where, optimum.fit.poles, errors, verdict, band.added_decay)
@@ -577,30 +586,36 @@ def _candidates(
         value = fit.poles[[pole]] + added_decay
         frequency, damping = natural_frequencies(value)[0], damping_ratios(value)[0]
         place = f"{where}, {frequency:.6g} Hz"
-        named = "was reported because it was named, and" if pole in order else "was not accepted as a mode:"
-        sentence = f"A pole with {100 * damping:.3g} % damping {named} {verdict.reasons[pole]}."
         if around[pole] >= POLICY.dominant and overall[pole] >= POLICY.large and pole not in order:
             found.append(
-                Finding(
+                Finding.of(
                     "error",
                     "dominant-candidate",
                     place,
-                    f"{sentence} It carries {min(around[pole], 1):.0%} of the energy of the FRFs around it.",
-                    value=float(around[pole]),
-                    limit=POLICY.dominant,
+                    "A pole with {damping} % damping was not accepted as a mode: {reason}. It carries {share} of the "
+                    "energy of the FRFs around it.",
+                    float(around[pole]),
+                    POLICY.dominant,
                     advice="Do not use the modes next to it: look at the FRFs there, and measure with another "
                     "reference or a finer frequency resolution.",
+                    damping=f"{100 * damping:.3g}",
+                    reason=verdict.reasons[pole],
+                    share=f"{min(around[pole], 1):.0%}",
                 )
             )
             continue
         found.append(
-            Finding(
+            Finding.of(
                 "info",
                 "candidate",
                 place,
-                sentence,
-                value=float(frequency),
+                "A pole with {damping} % damping was reported because it was named, and {reason}."
+                if pole in order
+                else "A pole with {damping} % damping was not accepted as a mode: {reason}.",
+                float(frequency),
                 advice="Name it with near=[...] to report it all the same.",
+                damping=f"{100 * damping:.3g}",
+                reason=verdict.reasons[pole],
             )
         )
     return found
@@ -615,15 +630,17 @@ def _coherence(where: str, band: FrfSet) -> list[Finding]:
         return []
     output, reference = np.argwhere(same)[0]
     return [
-        Finding(
+        Finding.of(
             "warning",
             "coherence-constant",
             where,
-            f"The coherence of {np.count_nonzero(same)} FRFs is the same at all lines "
-            f"({band.coherence[0, output, reference]:.4g} of {band.label(int(output), int(reference))}): it was not "
+            "The coherence of {count} FRFs is the same at all lines ({coherence} of {frf}): it was not "
             "estimated, and is not used.",
-            value=float(np.count_nonzero(same)),
+            float(np.count_nonzero(same)),
             advice="Leave it out, or export the one that was measured; the noise is estimated from the FRFs.",
+            count=np.count_nonzero(same),
+            coherence=f"{band.coherence[0, output, reference]:.4g}",
+            frf=band.label(int(output), int(reference)),
         )
     ]
 
@@ -640,16 +657,19 @@ def _window_not_applied(
     slowest = float(np.max(poles[growing].real))
     listed = ", ".join(f"{f:.6g} Hz" for f in np.sort(natural_frequencies(poles[growing]))[:_NAMED])
     return [
-        Finding(
+        Finding.of(
             "error",
             "window-not-applied",
             where,
-            f"The resonances at {listed} decay by {-slowest:.3g} 1/s at least, less than the exponential window that "
-            f"is stated ({added_decay:.3g} 1/s): it was not applied, or was weaker. The damping ratios of all modes "
-            "are too low.",
-            value=-slowest,
-            limit=added_decay,
+            "The resonances at {listed} decay by {decay} 1/s at least, less than the exponential window "
+            "that is stated ({stated} 1/s): it was not applied, or was weaker. The damping ratios of all "
+            "modes are too low.",
+            -slowest,
+            added_decay,
             advice="Correct the decay that is stated with the FRFs (0 without a window).",
+            listed=listed,
+            decay=f"{-slowest:.3g}",
+            stated=f"{added_decay:.3g}",
         )
     ]
 
@@ -663,15 +683,16 @@ def _unresolved(
         value = poles[[pole]] + decay
         most = damping_ratios(value)[0] + COVERAGE_FACTOR * errors.damping[pole]
         found.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "damping-not-resolved",
                 f"{where}, {natural_frequencies(value)[0]:.6g} Hz",
-                "The half-power bandwidth of this mode is less than the distance of the frequency lines: its damping "
-                f"ratio is not determined, only that it is below {100 * most:.2g} %.",
-                value=float(damping_ratios(value)[0]),
-                limit=float(most),
+                "The half-power bandwidth of this mode is less than the distance of the frequency lines: its "
+                "damping ratio is not determined, only that it is below {most} %.",
+                float(damping_ratios(value)[0]),
+                float(most),
                 advice="Record longer, so that the frequency lines are closer.",
+                most=f"{100 * most:.2g}",
             )
         )
     return found
@@ -741,15 +762,18 @@ def _multiplicity(
         frequency = abs(mean) / (2 * np.pi)
         half = COVERAGE_FACTOR * float(np.linalg.norm(along)) / (2 * np.pi)
         found.append(
-            Finding(
+            Finding.of(
                 "info",
                 "mode-group",
                 f"{where}, {frequency:.6g} Hz",
-                f"{len(members)} modes lie closer together than the data tell them apart: their mean frequency is "
-                f"{frequency:.6g} Hz +- {half:.2g} Hz; any shapes from the space that theirs span describe the FRFs as "
-                "well.",
-                value=float(len(members)),
+                "{count} modes lie closer together than the data tell them apart: their mean frequency is "
+                "{frequency} Hz +- {half} Hz; any shapes from the space that theirs span describe the FRFs "
+                "as well.",
+                float(len(members)),
                 advice="Compare the space of the shapes (principal angles), not single shapes.",
+                count=len(members),
+                frequency=f"{frequency:.6g}",
+                half=f"{half:.2g}",
             )
         )
     return found

@@ -203,14 +203,15 @@ def _findings(where: str, damping: float, mean: float, scatter: float) -> tuple[
         )
     if scatter > _SCATTER * mean:
         return (
-            Finding(
+            Finding.of(
                 "warning",
                 "damping-scatter",
                 where,
-                f"The damping of pairs of lines scatters by {100 * scatter / mean:.0f} % about its mean.",
-                value=scatter / mean,
-                limit=_SCATTER,
+                "The damping of pairs of lines scatters by {scatter} % about its mean.",
+                scatter / mean,
+                _SCATTER,
                 advice="Look for noise, leakage, a close mode or a nonlinearity.",
+                scatter=f"{100 * scatter / mean:.0f}",
             ),
         )
     return ()

@@ -173,29 +173,38 @@ def _differences(opinion: SecondOpinion) -> list[Finding]:
         (f, zeta), (other_f, other_zeta) = _values(opinion.first, i), _values(opinion.second, j)
         worst = max(abs(float(opinion.frequency[place])), abs(float(opinion.damping[place])))
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "second-opinion-differs",
                 f"{where}, {f:.6g} Hz",
-                f"The second estimator reads {other_f:.6g} Hz and {other_zeta:.4g} % instead of {f:.6g} Hz and "
-                f"{zeta:.4g} %: {worst:.1f} combined standard deviations apart.",
-                value=worst,
-                limit=opinion.limit,
-                advice="The intervals do not hold what separates the methods: look at the fit near this mode, and at "
-                "leakage, windows and modes close by.",
+                "The second estimator reads {other_frequency} Hz and {other_damping} % instead of "
+                "{frequency} Hz and {damping} %: {deviations} combined standard deviations apart.",
+                worst,
+                opinion.limit,
+                advice=(
+                    "The intervals do not hold what separates the methods: look at the fit near this mode, and "
+                    "at leakage, windows and modes close by."
+                ),
+                other_frequency=f"{other_f:.6g}",
+                other_damping=f"{other_zeta:.4g}",
+                frequency=f"{f:.6g}",
+                damping=f"{zeta:.4g}",
+                deviations=f"{worst:.1f}",
             )
         )
     return findings
 
 
 def _split(where: str, extra: float, own: float) -> Finding:
-    return Finding(
+    return Finding.of(
         "warning",
         "second-opinion-splits",
         f"{where}, {own:.6g} Hz",
-        f"The second estimator makes two modes of the peak at {own:.6g} Hz, the other one at {extra:.6g} Hz.",
-        value=extra,
-        advice="Either there are two modes, or the resonance moved between records: look at the FRFs one by one.",
+        "The second estimator makes two modes of the peak at {own} Hz, the other one at {extra} Hz.",
+        extra,
+        advice=("Either there are two modes, or the resonance moved between records: look at the FRFs one by one."),
+        own=f"{own:.6g}",
+        extra=f"{extra:.6g}",
     )
 
 

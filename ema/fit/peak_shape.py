@@ -30,6 +30,7 @@ from ema.fit import estimator
 from ema.fit.estimator import Fit, Observations
 from ema.fit.refinement import Refined
 from ema.fit.uncertainty import PoleErrors
+from ema.messages import mark
 
 REACH = 20.0
 """Half bandwidths on either side of a mode within which its residual is looked at: the flank of the widest function."""
@@ -130,26 +131,34 @@ def variances(shapes: tuple[PeakShape, ...], poles: Complex[np.ndarray, "pole"])
 _WORDS: dict[Kind, tuple[str, str, str]] = {
     "leaning": (
         "leaning-peak",
-        "is not that of a linear mode: a part of it is not causal, as where frequency or damping depend on the "
-        "amplitude",
-        "Measure at several levels, keep the response at resonance constant, or read the decay over the amplitude.",
+        mark(
+            "is not that of a linear mode: a part of it is not causal, as where frequency or damping depend "
+            "on the amplitude"
+        ),
+        mark(
+            "Measure at several levels, keep the response at resonance constant, or read the decay over the amplitude."
+        ),
     ),
     "feedback": (
         "force-noise",
-        "has a part that is not causal, as where the force drops at resonance and contains noise of its channel or a "
-        "disturbance fed back by the shaker",
-        "Use the signal of the generator as reference, a stronger force at resonance, or repeated periods.",
+        mark(
+            "has a part that is not causal, as where the force drops at resonance and contains noise of its "
+            "channel or a disturbance fed back by the shaker"
+        ),
+        mark("Use the signal of the generator as reference, a stronger force at resonance, or repeated periods."),
     ),
     "spread": (
         "broadened-peak",
-        "is broader than that of one pole, as where a resonance moves between records, blocks are short or a joint "
-        "slips and sticks within a record",
-        "Compare single records and impacts of different strength.",
+        mark(
+            "is broader than that of one pole, as where a resonance moves between records, blocks are short "
+            "or a joint slips and sticks within a record"
+        ),
+        mark("Compare single records and impacts of different strength."),
     ),
     "averaged": (
         "smoothed-lines",
-        "is that of an average over frequency lines",
-        "Fit FRFs that were not smoothed.",
+        mark("is that of an average over frequency lines"),
+        mark("Fit FRFs that were not smoothed."),
     ),
 }
 
@@ -160,14 +169,17 @@ def findings(shapes: tuple[PeakShape, ...], frequencies: Float[np.ndarray, "pole
     for shape in shapes:
         code, what, advice = _WORDS[shape.kind]
         notes.append(
-            Finding(
+            Finding.of(
                 "warning",
                 code,
                 f"{where}, {frequencies[shape.pole]:.6g} Hz",
-                f"The peak of this mode {what}; its damping ratio may be wrong by {shape.error:.1%}; its "
-                "interval was widened accordingly.",
-                value=shape.error,
-                advice=advice,
+                "The peak of this mode {what}; its damping ratio may be wrong by {error}; its interval was widened "
+                "accordingly.",
+                shape.error,
+                advice="{remedy}",
+                what=what,
+                error=f"{shape.error:.1%}",
+                remedy=advice,
             )
         )
     return tuple(notes)

@@ -137,14 +137,15 @@ def _pick(
         leaning = max(halves) / min(halves)
         if leaning > _LEANING:
             findings.append(
-                Finding(
+                Finding.of(
                     "warning",
                     "leaning-peak",
                     place,
-                    f"One half of the peak is {leaning:.2g} times as wide as the other.",
-                    value=leaning,
-                    limit=_LEANING,
+                    "One half of the peak is {times} times as wide as the other.",
+                    leaning,
+                    _LEANING,
                     advice="Look for a close mode or a nonlinearity; half-power damping holds for neither.",
+                    times=f"{leaning:.2g}",
                 )
             )
     damping, natural = float("nan"), peak.top

@@ -49,14 +49,15 @@ def scale_to_unit_modal_mass(model: ModalModel) -> ModalModel:
             spread = float(np.max(np.abs(own / abs(square[mode]) - 1) * np.abs(shape[:, mode]) / np.sqrt(energy[mode])))
             if spread > _DISAGREEMENT:
                 findings.append(
-                    Finding(
+                    Finding.of(
                         "warning",
                         "drive-points-disagree",
                         f"{model.name or 'fit'}, mode {mode + 1}",
-                        f"The drive points disagree on the modal mass by up to {100 * spread:.0f} %.",
-                        value=spread,
-                        limit=_DISAGREEMENT,
+                        "The drive points disagree on the modal mass by up to {spread} %.",
+                        spread,
+                        _DISAGREEMENT,
                         advice="Check the sensitivities and directions at the drive points.",
+                        spread=f"{100 * spread:.0f}",
                     )
                 )
     return replace(

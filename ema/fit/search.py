@@ -14,6 +14,7 @@ from ema.fit.line_correlation import LineCorrelation
 from ema.fit.narrow import TONE, caution, tones
 from ema.fit.policy import POLICY, passes_for_mode
 from ema.fit.trials import DAMPING, apart, around, beside, gains_at, mode_gains, over_band, peaks, residue_gains
+from ema.messages import mark
 
 MISFIT = 0.2
 """Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told.
@@ -319,7 +320,7 @@ def prune(
         else:
             pairs = [*overlapping(fit), *(confused(data, fit) if thorough else [])]
             weakest, smaller = _merged(data, fit, gain, noise.required, pairs, thorough)
-            reasons = dict.fromkeys(weakest, "together with a neighbour it explains no more than one mode does")
+            reasons = dict.fromkeys(weakest, mark("together with a neighbour it explains no more than one mode does"))
         if not weakest:
             break
         if dropped is not None:

@@ -22,6 +22,7 @@ from ema.fit.overlap import another_mode
 from ema.fit.policy import POLICY, passes_for_mode
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prune, search
+from ema.messages import mark
 
 _ROUNDS = 100
 """Poles that are taken out one after the other at most: a bound on the work."""
@@ -364,7 +365,7 @@ def _eliminate(
             twin = _twin(fit, gain)
             if twin is None:
                 break
-            reasons = {twin: "it repeats a neighbour within its bandwidth"}
+            reasons = {twin: mark("it repeats a neighbour within its bandwidth")}
         keep = np.ones(len(fit.poles), bool)
         keep[list(reasons)] = False
         for k, why in reasons.items():

@@ -208,16 +208,22 @@ def _findings(shifts: SetUpShifts, name: str) -> tuple[Finding, ...]:
         mass = _rounded(1e3 * shifts.mass, 1e3 * COVERAGE_FACTOR * shifts.mass_std)
         worst = int(np.argmax(np.abs(loaded / free - 1)))
         return (
-            Finding(
+            Finding.of(
                 "warning",
                 "mass-loading",
                 where,
-                f"The natural frequencies of the set-ups differ as sensors of {mass} g each make them: without them "
-                f"mode {worst + 1} is at "
-                f"{free[worst]:.6g} Hz instead of {loaded[worst]:.6g} Hz. Frequencies are means over the set-ups.",
-                value=shifts.mass,
-                advice="Use lighter sensors or dummy masses in the places of those that are moved; the frequencies "
-                "without sensors are in the statement on the set-ups.",
+                "The natural frequencies of the set-ups differ as sensors of {mass} g each make them: "
+                "without them mode {mode} is at {free} Hz instead of {loaded} Hz. Frequencies are means over "
+                "the set-ups.",
+                shifts.mass,
+                advice=(
+                    "Use lighter sensors or dummy masses in the places of those that are moved; the frequencies "
+                    "without sensors are in the statement on the set-ups."
+                ),
+                mass=mass,
+                mode=worst + 1,
+                free=f"{free[worst]:.6g}",
+                loaded=f"{loaded[worst]:.6g}",
             ),
         )
     manner = (

@@ -264,24 +264,26 @@ def _findings(where: str, residual: float, enough: bool) -> tuple[Finding, ...]:
     found = []
     if not enough:
         found.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "few-lines",
                 where,
-                f"The band was widened to {FEWEST} lines around the peak.",
+                "The band was widened to {fewest} lines around the peak.",
                 advice="Measure with a finer frequency step.",
+                fewest=FEWEST,
             )
         )
     if residual > _MISFIT:
         found.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "misfit",
                 where,
-                f"A linear mode leaves {100 * residual:.1f} % of the FRFs unexplained.",
-                value=residual,
-                limit=_MISFIT,
+                "A linear mode leaves {residual} % of the FRFs unexplained.",
+                residual,
+                _MISFIT,
                 advice="Nonlinearity, noise or a close mode: compare levels, and look at the quadrature damping.",
+                residual=f"{100 * residual:.1f}",
             )
         )
     return tuple(found)

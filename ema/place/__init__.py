@@ -4,8 +4,11 @@ from ema.lazy import attach
 
 _HOMES = {
     "Costs": "ema.place.trials",
+    "ForecastSettings": "ema.place.bands",
+    "KeptPlaces": "ema.place.shortlist",
     "Objective": "ema.place.objective",
     "TrialCondition": "ema.place.trials",
+    "SearchSettings": "ema.place.ranking",
     "Task": "ema.place.task",
     "check": "ema.place.bands",
     "control_study": "ema.place.control",

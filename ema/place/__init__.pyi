@@ -1,3 +1,4 @@
+from ema.place.bands import ForecastSettings as ForecastSettings
 from ema.place.bands import check as check
 from ema.place.bands import forecast as forecast
 from ema.place.candidates import grid as grid
@@ -7,9 +8,11 @@ from ema.place.model import model_at as model_at
 from ema.place.objective import Objective as Objective
 from ema.place.objective import recommended_forces as recommended_forces
 from ema.place.predictor import predict as predict
+from ema.place.ranking import SearchSettings as SearchSettings
 from ema.place.ranking import rank as rank
 from ema.place.ranking import search as search
 from ema.place.recommend import distribute as distribute
+from ema.place.shortlist import KeptPlaces as KeptPlaces
 from ema.place.shortlist import verify as verify
 from ema.place.task import Task as Task
 from ema.place.trials import Costs as Costs

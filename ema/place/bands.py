@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,16 +12,46 @@ from ema.data import Finding, ModalMap, Provenance
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.placement import Candidates
 from ema.errors import InputError
+from ema.messages import mark
 from ema.place.budget import budget, inputs
 from ema.place.fundamental import MAJORITY, fundamental, shares
 from ema.place.intervals import beams_drawn, drawn, scattered
 from ema.place.lift_off import PRESSURE
 from ema.place.model import model_at
+from ema.place.predictor import predict
 from ema.place.shortlist import Question, question, verify_all
-from ema.place.task import Task, only, predicted
+from ema.place.task import Task, only
 from ema.progress import Progress, advance, silent
 
 Method = Literal["measured", "frozen"]
+
+
+@dataclass(frozen=True)
+class ForecastSettings:
+    """How a forecast is computed.
+
+    Parameters
+    ----------
+    draws : int, default 400
+        Samples for the bands, at least 10.
+    seed : int, default 0
+        Seed of the draws.
+    method : {"measured", "frozen"}, default "measured"
+        ``measured`` predicts what a one-mode fit of a stepped sine about the resonance will read, which at a friction
+        peak differs from ``frozen``, the equivalent damping of the steady state at resonance.
+
+    Examples
+    --------
+    >>> ForecastSettings(draws=100).method
+    'measured'
+    """
+
+    draws: int = 400
+    seed: int = 0
+    method: Method = "measured"
+
+
+DEFAULTS = ForecastSettings()
 
 
 class Draw(NamedTuple):
@@ -58,11 +88,7 @@ def forecast(
     task: Task,
     candidates: Candidates,
     place: int,
-    force_levels: Sequence[float] | Float[np.ndarray, "level"],
-    normal_forces: Sequence[float] | Float[np.ndarray, "force"],
-    draws: int = 400,
-    seed: int = 0,
-    method: Method = "measured",
+    settings: ForecastSettings = DEFAULTS,
     executor: Executor | None = None,
     progress: Progress = silent,
 ) -> Forecast:
@@ -82,22 +108,13 @@ def forecast(
     Parameters
     ----------
     task : Task
-        Structure, joint and target modes.
+        Structure, joint, target modes, and the forces the forecast is for.
     candidates : Candidates
         Locations of the beam.
     place : int
         Row in ``candidates``.
-    force_levels : sequence of float or array of shape (level,)
-        F_E [N].
-    normal_forces : sequence of float or array of shape (force,)
-        F_N per joint [N].
-    draws : int, default 400
-        Samples for the bands, at least 10.
-    seed : int, default 0
-        Seed of the draws.
-    method : {"measured", "frozen"}, default "measured"
-        ``measured`` predicts what a one-mode fit of a stepped sine about the resonance will read, which at a friction
-        peak differs from ``frozen``, the equivalent damping of the steady state at resonance.
+    settings : ForecastSettings, optional
+        Draws, their seed, and what is predicted.
     executor : Executor, optional
         Where the cases are computed; in this process by default.
     progress : Progress, optional
@@ -118,53 +135,48 @@ def forecast(
     --------
     >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
     >>> from ema.examples import plate
-    >>> from ema.place import Task, grid
+    >>> from ema.place import ForecastSettings, Task, grid
     >>> from ema.shapes import smooth
     >>> bare, geometry = plate()
     >>> surface = smooth(bare, geometry)
     >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003, friction_std=0.1)
     >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
     >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
-    >>> result = forecast(task, spots, 0, [10.0], [50.0], draws=10, method="frozen")
+    >>> result = forecast(task, spots, 0, ForecastSettings(draws=10, method="frozen"))
     >>> bool(result.damping_low[0, 0, 0] <= result.damping[0, 0, 0] <= result.damping_high[0, 0, 0])
     True
     """
-    return forecast_and_draws(
-        task, candidates, place, force_levels, normal_forces, draws, seed, method, executor, progress
-    )[0]
+    return forecast_and_draws(task, candidates, place, settings, executor, progress)[0]
 
 
 def forecast_and_draws(
     task: Task,
     candidates: Candidates,
     place: int,
-    force_levels: Sequence[float] | Float[np.ndarray, "level"],
-    normal_forces: Sequence[float] | Float[np.ndarray, "force"],
-    draws: int,
-    seed: int,
-    method: Method,
+    settings: ForecastSettings,
     executor: Executor | None = None,
     progress: Progress = silent,
     readings_of: ReadingsOfDraw = _no_readings,
 ) -> tuple[Forecast, Float[np.ndarray, "draw mode 2 level force"], list[Float[np.ndarray, "reading"]]]:
     """The forecast, its draws (frequency in Hz and damping ratio), and what ``readings_of`` says of each of them."""
+    draws, seed, method = settings.draws, settings.seed, settings.method
     if draws < 10:
         raise InputError("too few draws for a band", where=f"place {place}", got=draws, expected="10 or more")
     if not 0 <= place < len(candidates):
         raise InputError("no such place", where="forecast", got=place, expected=f"0 to {len(candidates) - 1}")
     here = only(candidates, [place])
     at_conditions = task._replace(
-        force_levels=np.asarray(force_levels, dtype=np.float64), normal_forces=np.asarray(normal_forces, np.float64)
+        force_levels=np.asarray(task.force_levels, dtype=np.float64),
+        normal_forces=np.asarray(task.normal_forces, dtype=np.float64),
     )
-    rng = np.random.default_rng(seed)
-    nominal = question(at_conditions, predicted(at_conditions, here), 0, method == "measured")
+    nominal = question(at_conditions, predict(at_conditions, here), 0, method == "measured")
     ((_, whole),) = verify_all([nominal], executor)
     spread_out = np.repeat((shares(nominal) < MAJORITY)[:, None], len(at_conditions.force_levels), axis=1)
     middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
     rough = fundamental(nominal)
     harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
     spread, opened, taken, read = _draws(
-        at_conditions, here, nominal, harmonics, draws=draws, rng=rng, progress=progress, readings_of=readings_of
+        at_conditions, here, nominal, harmonics, settings=settings, progress=progress, readings_of=readings_of
     )
     parted = np.mean(opened, axis=0) > 1 - ENOUGH
     middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
@@ -207,8 +219,7 @@ def _draws(
     nominal: Question,
     harmonics: Float[np.ndarray, "mode 2 level force"],
     *,
-    draws: int,
-    rng: np.random.Generator,
+    settings: ForecastSettings,
     progress: Progress,
     readings_of: ReadingsOfDraw,
 ) -> tuple[
@@ -219,7 +230,8 @@ def _draws(
 ]:
     """Frequencies and damping ratios of all draws, where their joints part, what was drawn, and the readings."""
     spread, opened, taken, read = [], [], [], []
-    for number, one in enumerate(drawn(task, draws, rng)):
+    rng = np.random.default_rng(settings.seed)
+    for number, one in enumerate(drawn(task, settings.draws, rng)):
         beam = beams_drawn(here, rng)
         case = assembled(nominal, one, beam, rng)
         if case.pressure is not None:
@@ -229,7 +241,7 @@ def _draws(
         opened.append(parts)
         taken.append(inputs(one, case, beam))
         read.append(readings_of(Draw(one, beam, case)))
-        advance(progress, "bands of the forecast", number + 1, draws)
+        advance(progress, "bands of the forecast", number + 1, settings.draws)
     return np.array(spread), np.array(opened), taken, read
 
 
@@ -253,33 +265,47 @@ def _about_holes(
         (
             "mode-spread",
             spread_out,
-            "the beam spreads the mode over several resonances, none of which holds half of it: no single frequency "
-            "and damping ratio are those of the mode.",
-            "Look at the FRFs there, choose another place, or a beam whose own resonance is further away.",
+            mark(
+                "in {count} of {total} conditions the beam spreads the mode over several resonances, none of which "
+                "holds half of it: no single frequency and damping ratio are those of the mode."
+            ),
+            mark("Look at the FRFs there, choose another place, or a beam whose own resonance is further away."),
         ),
         (
             "joint-parts",
             parted & ~spread_out,
-            "the normal force of a joint varies by more than F_N in a fifth of the draws or more: it parts there "
-            "unless it also pulls, and values are predicted only for joints that can.",
-            "Press more, or excite less.",
+            mark(
+                "in {count} of {total} conditions the normal force of a joint varies by more than F_N in a fifth of "
+                "the draws or more: it parts there unless it also pulls, and values are predicted only for joints "
+                "that can."
+            ),
+            mark("Press more, or excite less."),
         ),
         (
             "no-peak",
             ~known & ~parted & ~spread_out & ~solved,
-            "no peak of the response belongs to the mode: another mode moves more wherever there is one.",
-            "Choose another excited DOF, or ask for the neighbouring mode.",
+            mark(
+                "in {count} of {total} conditions no peak of the response belongs to the mode: another mode moves more "
+                "wherever there is one."
+            ),
+            mark("Choose another excited DOF, or ask for the neighbouring mode."),
         ),
         (
             "no-band",
             ~known & ~parted & ~spread_out & solved,
-            "a fifth of the draws or more have no peak that belongs to the mode.",
-            "Their bands are left open.",
+            mark(
+                "in {count} of {total} conditions a fifth of the draws or more have no peak that belongs to the mode."
+            ),
+            mark("Their bands are left open."),
         ),
     ):
         if lost.any():
-            text = f"in {int(lost.sum())} of {known.size} conditions {why}"
-            findings.append(Finding("warning", code, "forecast", text, float(lost.sum()), 0.0, advice))
+            count = int(lost.sum())
+            findings.append(
+                Finding.of(
+                    "warning", code, "forecast", why, float(count), 0.0, advice=advice, count=count, total=known.size
+                )
+            )
     return tuple(findings)
 
 
@@ -288,28 +314,28 @@ def _about_harmonics(damping: Float[np.ndarray, "mode level force"]) -> tuple[Fi
     count, most = int(np.sum(damping > _HARMONICS)), float(damping.max())
     if not count:
         return ()
-    message = (
-        f"in {count} of {damping.size} conditions the upper harmonics of the friction force change the damping ratio "
-        f"by more than {_HARMONICS:.0%}, at most {most:.0%}: as where a mode lies near three or five times the "
-        "frequency."
+    return (
+        Finding.of(
+            "warning",
+            "upper-harmonics",
+            "forecast",
+            "in {count} of {total} conditions the upper harmonics of the friction force change the damping ratio by "
+            "more than {limit_share}, at most {most}: as where a mode lies near three or five times the frequency.",
+            most,
+            _HARMONICS,
+            advice="The bands hold as much to either side; what is true hangs on the frequency of that upper mode.",
+            count=count,
+            total=damping.size,
+            limit_share=f"{_HARMONICS:.0%}",
+            most=f"{most:.0%}",
+        ),
     )
-    advice = "The bands hold as much to either side; what is true hangs on the frequency of that upper mode."
-    return (Finding("warning", "upper-harmonics", "forecast", message, most, _HARMONICS, advice),)
 
 
 def assembled(nominal: Question, task: Task, candidates: Candidates, rng: np.random.Generator) -> Question:
     """The question of a draw, in the bands of the nominal one and what a draw may shift; every joint is drawn."""
     pressed = float(task.normal_forces[0])
-    model = model_at(
-        task.bare,
-        task.surface,
-        candidates,
-        0,
-        task.joint,
-        pressed,
-        in_plane=task.in_plane,
-        flexibility_factor=task.flexibility_factor,
-    )
+    model = model_at(task, candidates, 0, pressed)
     bands = tuple((low * (1 - _SHIFT), high * (1 + _SHIFT)) for low, high in nominal.bands)
     asked = nominal._replace(model=model, normal_forces=task.normal_forces, bands=bands)
     return _uneven(asked, task.joint.scatter, rng)

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ema.data.placement import Candidates, ControlLine, ControlStudy
+from ema.data.placement import Candidates, ControlLine, ControlStudy, Place
 from ema.errors import InputError
 from ema.place.model import model_at
 from ema.place.objective import Objective, at_level, scores
-from ema.place.task import Task, only, predicted, without_suspension
+from ema.place.predictor import predict
+from ema.place.task import Task, only, without_suspension
 from ema.progress import Progress, silent
 from ema.simulate.control_gain import release_statement, ring_downs
 
@@ -20,19 +21,16 @@ FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0)
 def control_study(
     task: Task,
     candidates: Candidates,
-    place: int,
-    normal_force: float,
+    best: Place,
     load: float,
-    mode: int | None = None,
     lag: float | None = None,
     objective: Objective | None = None,
     progress: Progress = silent,
 ) -> ControlStudy:
-    """Simulate ring-downs at one location under constant, scheduled and pulsed normal force, and steady states under
-    either.
+    """Simulate ring-downs at a ranked location under constant, scheduled and pulsed normal force, and steady states.
 
     The structure is bent by ``load`` at the excited DOF and released. Every law is tried at six forces about
-    ``normal_force`` and shown with the one whose energy is gone first (least integral of E/E0). The scheduled force
+    that of the ranking and shown with the one whose energy is gone first (least integral of E/E0). The scheduled force
     follows the amplitude at the last turning point; the pulse releases the joints for a twelfth of a period there.
 
     Parameters
@@ -41,16 +39,12 @@ def control_study(
         Structure, joint and target modes.
     candidates : Candidates
         Locations of the beam.
-    place : int
-        Row in ``candidates``.
-    normal_force : float
-        F_N per joint [N] about which forces are tried.
+    best : Place
+        Location, and the normal force about which forces are tried.
     load : float
         Static load at the excited DOF [N].
-    mode : int, optional
-        Row of the bare modes that sets the time scale; the first target mode by default.
     lag : float, optional
-        Time [s] from measuring to acting; a twentieth of the period by default.
+        Time [s] from measuring to acting; a twentieth of the period of the first target mode by default.
     objective : Objective, optional
         How the steady states are judged.
     progress : Progress, optional
@@ -76,29 +70,31 @@ def control_study(
     >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
     >>> from ema.errors import InputError
     >>> from ema.examples import plate
-    >>> from ema.place import Task, grid
+    >>> from ema.place import Task, grid, rank
     >>> from ema.shapes import smooth
     >>> bare, geometry = plate()
     >>> surface = smooth(bare, geometry)
     >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
     >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
     >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
-    >>> control_study(task, spots, 0, normal_force=50.0, load=100.0).lines[0].law  # doctest: +SKIP
+    >>> best = rank(task, spots, draws=0).best
+    >>> control_study(task, spots, best, load=100.0).lines[0].law  # doctest: +SKIP
     'constant'
     >>> try:
-    ...     control_study(task, spots, 0, normal_force=50.0, load=0.0)
+    ...     control_study(task, spots, best, load=0.0)
     ... except InputError as error:
     ...     print(error)
-    place 0: not a load; got 0.0 N, expected above 0 N
+    place 1: not a load; got 0.0 N, expected above 0 N
     """
+    place, normal_force = best.candidate, best.normal_force
     for name, value in (("load", load), ("normal force", normal_force)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"not a {name}", where=f"place {place}", got=f"{value} N", expected="above 0 N")
-    chosen = task.modes[0] if mode is None else mode
+    chosen = task.modes[0]
     frequency = float(np.abs(task.bare.poles[chosen]) / (2 * np.pi))
     # the energy of a structure that sways on its suspension says nothing about the joints
     elastic = without_suspension(task)
-    model = model_at(elastic.bare, elastic.surface, candidates, place, task.joint, normal_force)
+    model = model_at(elastic, candidates, place, normal_force)
     forces = [factor * normal_force for factor in FACTORS]
     lines = ring_downs(model, load, task.at, frequency, normal_forces=forces, lag=lag, progress=progress)
     levels, steady, scheduled = _steady(task, candidates, place, objective or Objective())
@@ -111,7 +107,7 @@ def _steady(
     task: Task, candidates: Candidates, place: int, objective: Objective
 ) -> tuple[Float[np.ndarray, "level"], Float[np.ndarray, "level"], Float[np.ndarray, "level"]]:
     """Least damping of the target modes at every level, with one normal force for all and with the best of each."""
-    prediction = predicted(task, only(candidates, [place]))
+    prediction = predict(task, only(candidates, [place]))
     least = prediction.damping[0].min(axis=0)
     common = int(scores(prediction, objective)[0].argmax())
     each = [

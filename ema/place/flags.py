@@ -99,14 +99,13 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
                 break
         if np.all(prediction.slip[candidate, m, :, force] < 1):
             findings.append(
-                Finding(
+                Finding.of(
                     "info",
                     "no-slip",
                     where,
-                    f"mode {mode + 1}: no joint slides at any force level.",
-                    None,
-                    None,
-                    "The damping comes from the contact's loss factors alone; press less.",
+                    "mode {mode}: no joint slides at any force level.",
+                    advice="The damping comes from the contact's loss factors alone; press less.",
+                    mode=mode + 1,
                 )
             )
     return tuple(findings)
@@ -127,14 +126,16 @@ def about_points(task: Task) -> tuple[Finding, ...]:
         points = float(half_wave / spacing)
         if points < POINTS_PER_HALF_WAVE:
             findings.append(
-                Finding(
+                Finding.of(
                     "warning",
                     "few-points",
                     f"mode {mode + 1}",
-                    f"{points:.1f} measured points per half wave of {half_wave:.2g} m.",
+                    "{count} measured points per half wave of {half_wave} m.",
                     points,
                     POINTS_PER_HALF_WAVE,
-                    "Measure a finer grid: slopes and curvatures of this mode are uncertain.",
+                    advice="Measure a finer grid: slopes and curvatures of this mode are uncertain.",
+                    count=f"{points:.1f}",
+                    half_wave=f"{half_wave:.2g}",
                 )
             )
     return tuple(findings)
@@ -146,13 +147,14 @@ def about_holes(prediction: Prediction) -> tuple[Finding, ...]:
     if share == 0:
         return ()
     return (
-        Finding(
+        Finding.of(
             "warning",
             "holes",
             "placement",
-            f"{share:.1%} of the points have no single resonance.",
+            "{share} of the points have no single resonance.",
             share,
             0.0,
-            "They count as unsuitable; check such places with all modes together.",
+            advice="They count as unsuitable; check such places with all modes together.",
+            share=f"{share:.1%}",
         ),
     )

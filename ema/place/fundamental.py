@@ -116,7 +116,8 @@ def shares(question: Question) -> Float[np.ndarray, "mode force"]:
 
 class LinearModes(NamedTuple):
     """Natural frequencies [Hz] and damping ratios (mode,) with joints that only slide or only stick, and the shapes
-    (bare mode, mode) in the mass-normalised modes of host and beam, those of the host first."""
+    (bare mode, mode) in the mass-normalised modes of host and beam, those of the host first. What moves without
+    stiffness, such as a beam along its sliding joints, has 0 Hz and no damping ratio: NaN."""
 
     frequencies: Float[np.ndarray, "mode"]
     damping_ratios: Float[np.ndarray, "mode"]
@@ -133,9 +134,10 @@ def linear_modes(model: BeamModel, at: Dof, *, sticking: bool) -> LinearModes:
     if sticking:
         total = total + rows.T @ (rows * _contact(model)[0][:, None])
     values, shapes = np.linalg.eigh(total)
-    omega = np.sqrt(np.maximum(values, 0))
-    safe = np.maximum(omega, np.finfo(float).tiny)
-    damping = decay @ shapes**2 / (2 * safe) + (losses * squares) @ shapes**2 / (2 * safe**2)
+    stiff = values > len(values) * np.finfo(float).eps * values[-1]
+    omega = np.sqrt(np.where(stiff, values, 0.0))
+    finite = np.where(stiff, omega, np.nan)
+    damping = decay @ shapes**2 / (2 * finite) + (losses * squares) @ shapes**2 / (2 * finite**2)
     return LinearModes(omega / (2 * np.pi), damping, shapes)
 
 

@@ -10,7 +10,8 @@ from ema.data import FrictionLaw, ModalModel, poles_from
 from ema.data.placement import BoltedJoint, Candidates, Prediction
 from ema.dof import Dof, match
 from ema.place.flexibility import flexibility_std
-from ema.place.task import Task, predicted
+from ema.place.predictor import predict
+from ema.place.task import Task
 from ema.progress import Progress, advance, silent
 from ema.shapes import Surface, rigid_rows
 
@@ -26,7 +27,7 @@ def samples(
     """Predictions for draws of what is uncertain (see ``drawn``)."""
     results = []
     for number, sample in enumerate(drawn(task, draws, rng)):
-        results.append(predicted(sample, candidates))
+        results.append(predict(sample, candidates))
         advance(progress, "intervals", number + 1, draws)
     return tuple(results)
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -13,12 +12,13 @@ from ema.data.forecast import Forecast
 from ema.data.placement import Candidates, ControlStudy, Place, Placement, Ranking
 from ema.data.trials import Trials
 from ema.errors import InputError
-from ema.place.bands import forecast
+from ema.place.bands import ForecastSettings, forecast
 from ema.place.candidates import grid
 from ema.place.conditioning import updated
 from ema.place.control import control_study
-from ema.place.ranking import search
+from ema.place.ranking import SearchSettings, search
 from ema.place.recipe import DoneTable, PlaceRecipe, TrialsTable
+from ema.place.shortlist import KeptPlaces
 from ema.place.task import Task
 from ema.place.trials import TrialCondition, next_tests
 from ema.progress import Progress, silent
@@ -36,8 +36,7 @@ def place(
     verdict: Verdict | None = None,
     anyway: bool = False,
     executor: Executor | None = None,
-    folder: str | Path | None = None,
-    resume: bool = False,
+    kept: KeptPlaces | None = None,
     progress: Progress = silent,
 ) -> Placement:
     """Answer a recipe for a structure of which the modes without the beam are known.
@@ -49,7 +48,7 @@ def place(
     geometry : points at which the beam may stand, in m.
     verdict : of the joint model against a measurement, where there is one.
     anyway : place with a model that does not agree; the placement then carries a warning for the first line.
-    executor, folder, resume : see ``ema.place.search``.
+    executor, kept : see ``ema.place.search``.
     progress : called after each step with what it is.
 
     Raises
@@ -68,13 +67,9 @@ def place(
         task,
         candidates,
         wanted,
-        effort.shortlist,
-        effort.keep,
-        effort.draws,
-        effort.seed,
+        SearchSettings(effort.shortlist, effort.keep, effort.draws, effort.seed),
         executor,
-        folder,
-        resume,
+        kept,
         progress,
     )
     if not ranking.places:
@@ -156,8 +151,7 @@ def _control(
     return control_study(
         task,
         candidates,
-        best.candidate,
-        best.normal_force,
+        best,
         recipe.control.load,
         lag=recipe.control.lag,
         objective=recipe.wanted(),
@@ -180,12 +174,18 @@ def _forecast(
     bare, surface, beyond = task.bare, task.surface, tuple[Finding, ...]()
     if table.above == "plate":
         bare, surface, beyond = with_plate(bare, surface)
-    task = task._replace(bare=bare, surface=surface, scale_std=0.5 * table.calibration_std)
     best, levels = ranking.best.candidate, table.force or recipe.force
     forces = _with_recommended(table.normal_force, ranking.best.normal_force)
+    task = task._replace(
+        bare=bare,
+        surface=surface,
+        force_levels=np.array(levels),
+        normal_forces=np.array(forces),
+        scale_std=0.5 * table.calibration_std,
+    )
+    settings = ForecastSettings(table.draws, table.seed, table.method)
     if recipe.trials is None:
-        effort = (table.draws, table.seed, table.method, executor, progress)
-        return forecast(task, candidates, best, levels, forces, *effort), None, beyond
+        return forecast(task, candidates, best, settings, executor, progress), None, beyond
     next_best = ranking.places[1 : 1 + recipe.trials.places]
     others = [TrialCondition(one.candidate, max(levels), one.normal_force) for one in next_best]
     candidates, done = _done(recipe.trials, candidates, best, levels=levels, forces=forces)
@@ -193,13 +193,9 @@ def _forecast(
         task,
         candidates,
         best,
-        levels,
-        forces,
+        settings=settings,
         others=[*(condition for condition, _ in done if condition is not None), *others],
         costs=recipe.trials.costs(),
-        draws=table.draws,
-        seed=table.seed,
-        method=table.method,
         executor=executor,
         progress=progress,
     )

@@ -1,7 +1,6 @@
 """The full model of a measured structure with a friction beam at one place: what the shortlist is checked with."""
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -11,6 +10,7 @@ from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.dof import Dof
 from ema.place.flexibility import Flexibility, flexibility
 from ema.place.predictor import ELEMENTS, beam_matrices
+from ema.place.task import Task
 from ema.shapes import Surface, mass_of
 
 PART = "friction beam"
@@ -19,14 +19,10 @@ FIRST_NODE = 900_001
 
 
 def model_at(
-    bare: ModalModel,
-    surface: Surface,
+    task: Task,
     candidates: Candidates,
     place: int,
-    joint: BoltedJoint,
     normal_force: float | Sequence[float] | Float[np.ndarray, "joint"],
-    in_plane: Literal["free", "held"] = "free",
-    flexibility_factor: float = 1.0,
 ) -> BeamModel:
     """Return the model of a measured host with the beam of one candidate.
 
@@ -38,22 +34,14 @@ def model_at(
 
     Parameters
     ----------
-    bare : ModalModel
-        Modes of the structure without the beam, of unit modal mass.
-    surface : Surface
-        Their smooth shapes.
+    task : Task
+        Structure and joint.
     candidates : Candidates
         Locations of the beam.
     place : int
         Row in ``candidates``.
-    joint : BoltedJoint
-        Joint of the beam.
     normal_force : float or sequence of float or array of shape (joint,)
         F_N [N] of every joint, or of each.
-    in_plane : {"free", "held"}, default "free"
-        Whether a host that hangs freely may move in its own plane.
-    flexibility_factor : float, default 1.0
-        Factor on the estimated flexibility of the modes above those measured.
 
     Returns
     -------
@@ -64,21 +52,23 @@ def model_at(
     --------
     >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
     >>> from ema.examples import plate
-    >>> from ema.place import grid
+    >>> from ema.place import Task, grid
     >>> from ema.shapes import smooth
     >>> bare, geometry = plate()
     >>> surface = smooth(bare, geometry)
     >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
     >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
-    >>> [part.normal_force for part in model_at(bare, surface, spots, 0, joint, 50.0).joints]
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    >>> [part.normal_force for part in model_at(task, spots, 0, 50.0).joints]
     [50.0, 50.0]
     """
+    bare, surface, joint = task.bare, task.surface, task.joint
     beam = candidates.catalogue[int(candidates.beams[place])]
     points, angle = candidates.joints(place), float(candidates.angles[place])
     # bolts press a round patch; where its length is not given, the beam touches with its whole width
     above = flexibility(bare, surface, points, angle, joint.contact_length or beam.width)
-    host = _host(bare, surface, points, angle, above, flexibility_factor)
-    mass = mass_of(bare, surface) if in_plane == "free" else None
+    host = _host(bare, surface, points, angle, above, task.flexibility_factor)
+    mass = mass_of(bare, surface) if task.in_plane == "free" else None
     if mass is not None:
         host = _swaying(host, mass)
     inertia, stiffness, *_ = beam_matrices(beam)

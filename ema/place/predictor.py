@@ -12,6 +12,7 @@ from ema.data.provenance import Provenance
 from ema.dof import Dof, match
 from ema.errors import InputError
 from ema.place.describing import secant_table
+from ema.place.task import Task
 from ema.shapes import Surface
 
 ELEMENTS = 4
@@ -21,17 +22,10 @@ FAR = 5.0
 
 
 def predict(
-    bare: ModalModel,
-    surface: Surface,
+    task: Task,
     candidates: Candidates,
-    joint: BoltedJoint,
-    at: Dof | str,
-    force_levels: Sequence[float] | Float[np.ndarray, "level"],
-    normal_forces: Sequence[float] | Float[np.ndarray, "force"],
-    modes: Sequence[int],
-    output: Dof | str | None = None,
 ) -> Prediction:
-    """Predict frequency and damping of chosen modes with the beam at every candidate location, over (F_E, F_N).
+    """Predict frequency and damping of the target modes with the beam at every candidate location, over (F_E, F_N).
 
     Each mode is taken alone (its neighbours neither yield nor interact), with the beam's own modes on its normal
     springs and the first harmonic of the friction force: fast enough for thousands of locations. Check the best few
@@ -39,24 +33,10 @@ def predict(
 
     Parameters
     ----------
-    bare : ModalModel
-        Modes of the structure without the beam, of unit modal mass.
-    surface : Surface
-        Their smooth shapes (``ema.shapes.smooth``), with the same modes.
+    task : Task
+        Structure, joint, forces and target modes.
     candidates : Candidates
         Locations of the beam.
-    joint : BoltedJoint
-        Joint of the beam.
-    at : Dof or str
-        DOF that is excited, one of those of ``bare``.
-    force_levels : sequence of float or array of shape (level,)
-        F_E [N].
-    normal_forces : sequence of float or array of shape (force,)
-        F_N per joint [N].
-    modes : sequence of int
-        Rows of ``bare``, from 0.
-    output : Dof or str, optional
-        DOF whose response counts in the objectives on responses; the excited one by default.
 
     Returns
     -------
@@ -77,25 +57,27 @@ def predict(
     --------
     >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
     >>> from ema.examples import plate
-    >>> from ema.place import grid
+    >>> from ema.place import Task, grid
     >>> from ema.shapes import smooth
     >>> bare, geometry = plate()
     >>> surface = smooth(bare, geometry)
     >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
     >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
-    >>> predict(bare, surface, spots, joint, "1:+Z", [10.0], [20.0, 50.0], modes=[0, 1]).damping.shape[1:]
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([20.0, 50.0]), modes=(0, 1))
+    >>> predict(task, spots).damping.shape[1:]
     (2, 1, 2)
     """
-    levels, forces = np.asarray(force_levels, dtype=np.float64), np.asarray(normal_forces, dtype=np.float64)
-    chosen = _check(bare, surface, candidates, levels, forces, modes)
+    bare, joint = task.bare, task.joint
+    levels, forces = np.asarray(task.force_levels, dtype=np.float64), np.asarray(task.normal_forces, dtype=np.float64)
+    chosen = _check(task, candidates, levels, forces)
     from ema.place import predictor_kernels
 
     kernels: Any = predictor_kernels
     order = np.argsort(levels)
     omega, zeta = np.abs(bare.poles[chosen]), bare.damping_ratios[chosen]
-    phi, lever = motions(surface, candidates, joint, chosen)
-    driver = shapes_at(bare, at)[chosen]
-    seen = driver if output is None else shapes_at(bare, output)[chosen]
+    phi, lever = motions(task.surface, candidates, joint, chosen)
+    driver = shapes_at(bare, task.at)[chosen]
+    seen = driver if task.output is None else shapes_at(bare, task.output)[chosen]
     beams = _free(candidates.catalogue, float(omega.max()))
     count = len(candidates.catalogue[0].places)
     result = kernels.all_places(
@@ -132,14 +114,8 @@ def predict(
     )
 
 
-def _check(
-    bare: ModalModel,
-    surface: Surface,
-    candidates: Candidates,
-    levels: np.ndarray,
-    forces: np.ndarray,
-    modes: Sequence[int],
-) -> np.ndarray:
+def _check(task: Task, candidates: Candidates, levels: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    bare, surface, modes = task.bare, task.surface, task.modes
     where = bare.name or "bare structure"
     if bare.scaling != "unit modal mass":
         raise InputError(

@@ -1,8 +1,7 @@
 """Ranking of places: all by the predictor, a shortlist with all modes together, the best with intervals and flags."""
 
 from concurrent.futures import Executor
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +10,44 @@ from jaxtyping import Float
 from ema.data import Finding
 from ema.data.placement import Candidates, Place, Prediction, Ranking
 from ema.errors import InputError
+from ema.messages import mark
 from ema.place.flags import about_holes, about_points, flags, shifts
 from ema.place.intervals import samples
 from ema.place.objective import Objective, of_rows, recommended_forces, scores
-from ema.place.predictor import motions
-from ema.place.shortlist import verify
-from ema.place.task import Task, predicted
+from ema.place.predictor import motions, predict
+from ema.place.shortlist import KeptPlaces, verify
+from ema.place.task import Task
 from ema.progress import Progress, advance, silent
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How thorough a search for the best locations is.
+
+    Parameters
+    ----------
+    shortlist : int, default 20
+        Number of locations by the predictor that are checked.
+    keep : int, default 10
+        Number of locations to return.
+    draws : int, default 200
+        Samples for the intervals; 0 for none.
+    seed : int, default 0
+        Seed of the draws.
+
+    Examples
+    --------
+    >>> SearchSettings(shortlist=8).keep
+    10
+    """
+
+    shortlist: int = 20
+    keep: int = 10
+    draws: int = 200
+    seed: int = 0
+
+
+DEFAULTS = SearchSettings()
 
 
 def rank(
@@ -76,7 +106,7 @@ def rank(
     3
     """
     wanted = Objective() if objective is None else objective
-    prediction = predicted(task, candidates)
+    prediction = predict(task, candidates)
     advance(progress, "places", len(candidates), len(candidates))
     total = scores(prediction, wanted).max(axis=1)
     draw = _Draws(draws, seed, progress)
@@ -89,13 +119,9 @@ def search(
     task: Task,
     candidates: Candidates,
     objective: Objective | None = None,
-    shortlist: int = 20,
-    keep: int = 10,
-    draws: int = 200,
-    seed: int = 0,
+    settings: SearchSettings = DEFAULTS,
     executor: Executor | None = None,
-    folder: str | Path | None = None,
-    resume: bool = False,
+    kept: KeptPlaces | None = None,
     progress: Progress = silent,
 ) -> Ranking:
     """Search the best locations in two stages: all candidates by the predictor, the shortlist with all modes together.
@@ -112,20 +138,12 @@ def search(
         Locations of the beam.
     objective : Objective, optional
         How locations are judged.
-    shortlist : int, default 20
-        Number of locations by the predictor that are checked.
-    keep : int, default 10
-        Number of locations to return.
-    draws : int, default 200
-        Samples for the intervals; 0 for none.
-    seed : int, default 0
-        Seed of the draws.
+    settings : SearchSettings, optional
+        How many locations are checked and returned, and the draws of their intervals.
     executor : Executor, optional
         Where the checks run (threads, processes, a cluster's); in this process by default.
-    folder : str or Path, optional
-        Where every finished check is kept.
-    resume : bool, default False
-        Take the checks of the same question from ``folder``.
+    kept : KeptPlaces, optional
+        Where every finished check is kept and, when resuming, taken from.
     progress : Progress, optional
         Called during the computation.
 
@@ -145,25 +163,25 @@ def search(
     --------
     >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
     >>> from ema.examples import plate
-    >>> from ema.place import Task, grid
+    >>> from ema.place import SearchSettings, Task, grid
     >>> from ema.shapes import smooth
     >>> bare, geometry = plate()
     >>> surface = smooth(bare, geometry)
     >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
     >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
     >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
-    >>> search(task, spots, shortlist=1, keep=1, draws=0).places[0].method
+    >>> search(task, spots, settings=SearchSettings(shortlist=1, keep=1, draws=0)).places[0].method
     'all modes'
     """
     wanted = Objective() if objective is None else objective
-    prediction = predicted(task, candidates)
+    prediction = predict(task, candidates)
     advance(progress, "places", len(candidates), len(candidates))
     total = scores(prediction, wanted).max(axis=1)
-    ranked = [*_best(total, shortlist), *_best(_bending(task, candidates), shortlist // 2)]
+    ranked = [*_best(total, settings.shortlist), *_best(_bending(task, candidates), settings.shortlist // 2)]
     rows = np.array(list(dict.fromkeys(ranked)), dtype=np.int64)
-    checked = verify(task, prediction, rows, executor, folder, resume, progress)
-    draw = _Draws(draws, seed, progress)
-    places = _described(task, wanted, rows, of_rows(prediction, rows), checked, keep, draw)
+    checked = verify(task, prediction, rows, executor, kept, progress)
+    draw = _Draws(settings.draws, settings.seed, progress)
+    places = _described(task, wanted, rows, of_rows(prediction, rows), checked, settings.keep, draw)
     return Ranking(
         str(wanted),
         prediction,
@@ -181,16 +199,18 @@ def _about_range(task: Task, places: tuple[Place, ...]) -> tuple[Finding, ...]:
     if not places or len(tried) < 2 or places[0].normal_force not in (tried[0], tried[-1]):
         return ()
     best = places[0].normal_force
-    end, beyond = ("smallest", "smaller") if best == tried[0] else ("largest", "larger")
+    end, beyond = (mark("smallest"), mark("smaller")) if best == tried[0] else (mark("largest"), mark("larger"))
     return (
-        Finding(
+        Finding.of(
             "warning",
             "edge-of-range",
             "rank 1",
-            f"the best normal force, {best:g} N, is the {end} of those asked: a {beyond} one may serve better.",
+            "the best normal force, {best} N, is the {end} of those asked: a {beyond} one may serve better.",
             best,
-            None,
-            f"Ask for {beyond} normal forces too, or take it as what the joint allows.",
+            advice="Ask for {beyond} normal forces too, or take it as what the joint allows.",
+            best=f"{best:g}",
+            end=end,
+            beyond=beyond,
         ),
     )
 

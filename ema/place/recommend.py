@@ -9,7 +9,8 @@ from ema.data import BeamModel
 from ema.data.placement import Candidates
 from ema.errors import InputError
 from ema.place.model import model_at
-from ema.place.task import Task, predicted
+from ema.place.predictor import predict
+from ema.place.task import Task
 
 LEAST_SHARE = 0.02
 _TOLERANCE = 5e-3
@@ -78,7 +79,7 @@ def distribute(
     chosen = task.modes[0] if mode is None else mode
     joints = candidates.catalogue[int(candidates.beams[place])].joints
     each = total / joints
-    model = model_at(task.bare, task.surface, candidates, place, task.joint, each, in_plane=task.in_plane)
+    model = model_at(task, candidates, place, each)
     band = _band(task, candidates, place, chosen, total / joints)
 
     def least(logits: Float[np.ndarray, "free"]) -> float:
@@ -108,7 +109,7 @@ def _band(task: Task, candidates: Candidates, place: int, mode: int, force: floa
     from ema.place.task import only
 
     wide = task._replace(modes=(mode,), normal_forces=force * np.geomspace(0.1, 10, 7))
-    frequency = predicted(wide, only(candidates, [place])).frequency
+    frequency = predict(wide, only(candidates, [place])).frequency
     return 0.96 * float(np.nanmin(frequency)), 1.04 * float(np.nanmax(frequency))
 
 

@@ -125,8 +125,7 @@ def verify(
     prediction: Prediction,
     rows: Sequence[int] | np.ndarray,
     executor: Executor | None = None,
-    folder: str | Path | None = None,
-    resume: bool = False,
+    kept: "KeptPlaces | None" = None,
     progress: Progress = silent,
 ) -> Prediction:
     """Compute some locations of a prediction again, with all modes together.
@@ -141,11 +140,9 @@ def verify(
         Candidates to compute, rows from 0.
     executor : Executor, optional
         Where they are computed; in this process by default. Anything with ``submit`` of ``concurrent.futures`` will do.
-    folder : str or Path, optional
-        Where every finished location is kept under the fingerprints of its question and of the code.
-    resume : bool, default False
-        Take finished locations from ``folder``. A ``progress`` with a method ``note`` is given how many, and why not
-        all.
+    kept : KeptPlaces, optional
+        Where every finished location is kept and, when resuming, taken from. A ``progress`` with a method ``note`` is
+        given how many, and why not all.
     progress : Progress, optional
         Called after each location.
 
@@ -170,15 +167,13 @@ def verify(
     >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
     >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
     >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
-    >>> rough = predict(bare, surface, spots, joint, "1:+Z", [10.0], [50.0], modes=[0])
-    >>> verify(task, rough, [0]).method
+    >>> verify(task, predict(task, spots), [0]).method
     'all modes'
     """
     picked = np.asarray(rows, dtype=np.int64)
     questions = [question(task, prediction, int(row)) for row in picked]
-    kept = None if folder is None else KeptPlaces(Path(folder))
     answers: dict[int, np.ndarray] = {}
-    if kept is not None and resume:
+    if kept is not None and kept.resume:
         for number, one in enumerate(questions):
             known = kept.known(fingerprint_of(one))
             if known is not None:
@@ -248,7 +243,7 @@ def question(task: Task, prediction: Prediction, row: int, fitted: bool = False)
         low, high = (known.min(), known.max()) if len(known) else (0.9 * bare, 1.1 * bare)
         bands.append((float((1 - _WIDER) * low), float((1 + _WIDER) * high)))
     pressed = float(prediction.normal_forces[0])
-    model = model_at(task.bare, task.surface, prediction.candidates, row, task.joint, pressed, in_plane=task.in_plane)
+    model = model_at(task, prediction.candidates, row, pressed)
     return Question(
         model,
         Dof.parse(task.at),
@@ -327,19 +322,64 @@ def _stir(digest: Any, value: Any) -> None:
 
 
 class KeptPlaces:
-    """Answers in a folder, one file each, named by the fingerprints of the question and of what computed it."""
+    """Finished locations in a folder, one file each, named by the fingerprints of the question and of the code.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    Parameters
+    ----------
+    folder : str or Path
+        Where they are kept.
+    resume : bool, default False
+        Take what is there already instead of computing it again.
+
+    Examples
+    --------
+    >>> KeptPlaces("checked", resume=True).folder.name
+    'checked'
+    """
+
+    def __init__(self, folder: str | Path, resume: bool = False) -> None:
+        self.folder, self.resume = Path(folder), resume
         self._code = hashlib.sha256(repr(fingerprint.versions()).encode()).hexdigest()[:12]
         self._taken = self._damaged = self._other = self._new = 0
 
     def name(self, question: str) -> str:
-        """Of the file of an answer."""
+        """Return the name of the file of an answer.
+
+        Parameters
+        ----------
+        question : str
+            Fingerprint of the question.
+
+        Returns
+        -------
+        str
+            Name within the folder.
+
+        Examples
+        --------
+        >>> KeptPlaces("checked").name("a1b2").startswith("a1b2-")
+        True
+        """
         return f"{question}-{self._code}.npy"
 
     def known(self, question: str) -> Float[np.ndarray, "mode 4 level force"] | None:
-        """An answer computed before by this code; a damaged file counts as none."""
+        """Return an answer computed before by this code; a damaged file counts as none.
+
+        Parameters
+        ----------
+        question : str
+            Fingerprint of the question.
+
+        Returns
+        -------
+        array of shape (mode, 4, level, force) or None
+            As of ``answer``.
+
+        Examples
+        --------
+        >>> KeptPlaces("checked").known("a1b2") is None
+        True
+        """
         path = self.folder / self.name(question)
         if path.is_file():
             try:
@@ -356,7 +396,18 @@ class KeptPlaces:
         return None
 
     def report(self, progress: Progress) -> None:
-        """Say what was taken and what has to be computed, and why."""
+        """Say what was taken and what has to be computed, and why.
+
+        Parameters
+        ----------
+        progress : Progress
+            Given the sentence by its method ``note``.
+
+        Examples
+        --------
+        >>> from ema.progress import silent
+        >>> KeptPlaces("checked").report(silent)
+        """
         counts = (
             (self._taken, "taken as computed"),
             (self._damaged, "computed again: the kept file cannot be read"),
@@ -368,9 +419,25 @@ class KeptPlaces:
     def keep(self, question: str, answer: Float[np.ndarray, "mode 4 level force"]) -> None:
         """Put an answer on disk in place of those of other code.
 
+        Parameters
+        ----------
+        question : str
+            Fingerprint of the question.
+        answer : array of shape (mode, 4, level, force)
+            As of ``answer``.
+
         Raises
         ------
-        FailureError : the folder cannot be written.
+        FailureError
+            If the folder cannot be written.
+
+        Examples
+        --------
+        >>> from tempfile import mkdtemp
+        >>> kept = KeptPlaces(mkdtemp())
+        >>> kept.keep("a1b2", np.ones((1, 4, 1, 1)))
+        >>> kept.known("a1b2").shape
+        (1, 4, 1, 1)
         """
         path = self.folder / self.name(question)
         try:

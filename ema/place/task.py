@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data import ModalModel
-from ema.data.placement import BoltedJoint, Candidates, Prediction
+from ema.data.placement import BoltedJoint, Candidates
 from ema.dof import Dof
-from ema.place.predictor import predict
 from ema.shapes import Surface
 
 _SWAY = 0.1
@@ -68,21 +67,6 @@ class Task(NamedTuple):
     scale_std: float = 0.0
     in_plane: Literal["free", "held"] = "free"
     flexibility_factor: float = 1.0
-
-
-def predicted(task: Task, candidates: Candidates) -> Prediction:
-    """The one-mode prediction of a task (``ema.place.predict``)."""
-    return predict(
-        task.bare,
-        task.surface,
-        candidates,
-        task.joint,
-        task.at,
-        task.force_levels,
-        task.normal_forces,
-        task.modes,
-        task.output,
-    )
 
 
 def without_suspension(task: Task) -> Task:

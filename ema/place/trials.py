@@ -12,14 +12,23 @@ from ema.data.forecast import Forecast
 from ema.data.placement import BoltedJoint, Candidates
 from ema.data.trials import Trial, Trials
 from ema.errors import InputError
-from ema.place.bands import ENOUGH, Draw, Method, assembled, forecast_and_draws, resonances_of
+from ema.place.bands import (
+    DEFAULTS,
+    ENOUGH,
+    Draw,
+    ForecastSettings,
+    Method,
+    assembled,
+    forecast_and_draws,
+    resonances_of,
+)
 from ema.place.conditioning import with_expected_widths
 from ema.place.describing import SIZE, START, STEP, secant_table
 from ema.place.fundamental import fundamental
 from ema.place.intervals import scattered
-from ema.place.predictor import contact_stiffness
+from ema.place.predictor import contact_stiffness, predict
 from ema.place.shortlist import Question, question, verify_all
-from ema.place.task import Task, only, predicted
+from ema.place.task import Task, only
 from ema.progress import Progress, silent
 
 AMPLITUDES = (0.5, 1.0, 2.0, 5.0)
@@ -86,14 +95,10 @@ def next_tests(
     task: Task,
     candidates: Candidates,
     place: int,
-    force_levels: Sequence[float] | Float[np.ndarray, "level"],
-    normal_forces: Sequence[float] | Float[np.ndarray, "force"],
     *,
     others: Sequence[TrialCondition] = (),
     costs: Costs | None = None,
-    draws: int = 400,
-    seed: int = 0,
-    method: Method = "measured",
+    settings: ForecastSettings = DEFAULTS,
     executor: Executor | None = None,
     progress: Progress = silent,
 ) -> Trials:
@@ -108,24 +113,16 @@ def next_tests(
     Parameters
     ----------
     task : Task
-        Structure, joint and target modes.
+        Structure, joint, target modes, and the forces the forecast is for.
     candidates : Candidates
         Locations of the beam.
     place : int
         Row in ``candidates`` that the forecast is for.
-    force_levels : sequence of float or array of shape (level,)
-        F_E [N].
-    normal_forces : sequence of float or array of shape (force,)
-        F_N per joint [N].
     others : sequence of TrialCondition, optional
         Other places where the beam can be tried, with their conditions.
     costs : Costs, optional
         What tests cost, and how well they read; the defaults of ``Costs`` by default.
-    draws : int, default 400
-        Samples for the bands, at least 10.
-    seed : int, default 0
-        Seed of the draws.
-    method : {"measured", "frozen"}, default "measured"
+    settings : ForecastSettings, optional
         As in :func:`forecast`.
     executor : Executor, optional
         Where the nominal cases are computed; in this process by default.
@@ -146,22 +143,22 @@ def next_tests(
     --------
     >>> from ema.data import BoltedJoint, FrictionBeam, FrictionLaw
     >>> from ema.examples import plate
-    >>> from ema.place import Task, grid
+    >>> from ema.place import ForecastSettings, Task, grid
     >>> from ema.shapes import smooth
     >>> bare, geometry = plate()
     >>> surface = smooth(bare, geometry)
     >>> joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003, friction_std=0.1)
-    >>> task = Task(bare, surface, joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    >>> task = Task(bare, surface, joint, "1:+Z", np.array([5.0, 10.0]), np.array([50.0]), modes=(0,))
     >>> spots = grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2)
-    >>> offered = next_tests(task, spots, 0, [5.0, 10.0], [50.0], draws=40, method="frozen")
+    >>> offered = next_tests(task, spots, 0, settings=ForecastSettings(draws=40, method="frozen"))
     >>> [trial.kind for trial in offered.trials]
     ['beam', 'beam', 'loop']
     """
     costs = Costs() if costs is None else costs
-    forces = np.asarray(normal_forces, np.float64)
-    places = [_other_place(task, candidates, other, method, executor) for other in others]
+    forces = np.asarray(task.normal_forces, np.float64)
+    places = [_other_place(task, candidates, other, settings.method, executor) for other in others]
     slips = [_slips(task.joint, float(force)) for force in forces]
-    rng = np.random.default_rng([seed, 1])
+    rng = np.random.default_rng([settings.seed, 1])
 
     def readings_of(draw: Draw) -> Float[np.ndarray, "reading"]:
         """What a draw reads at the other places, then in loops under each normal force."""
@@ -174,7 +171,7 @@ def next_tests(
         return np.concatenate([*elsewhere, *(loop.ravel() for loop in loops)])
 
     prediction, values, readings = forecast_and_draws(
-        task, candidates, place, force_levels, forces, draws, seed, method, executor, progress, readings_of
+        task, candidates, place, settings, executor, progress, readings_of
     )
     elsewhere, loops = np.split(np.array(readings), [2 * len(prediction.modes) * len(places)], axis=1)
     tests = [
@@ -292,7 +289,7 @@ def _other_place(
         )
     levels, forces = np.array([other.force_level]), np.array([other.normal_force])
     there = task._replace(force_levels=levels, normal_forces=forces)
-    nominal = question(there, predicted(there, only_one), 0, method == "measured")
+    nominal = question(there, predict(there, only_one), 0, method == "measured")
     ((_, whole),) = verify_all([nominal], executor)
     return _OtherPlace(only_one, nominal, whole[:, :2], fundamental(nominal)[:, :2])
 

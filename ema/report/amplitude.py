@@ -43,7 +43,10 @@ def amplitude_sentences(modes: Sequence[AmplitudeDependentMode]) -> list[str]:
             )
             for mode in stepped
         ),
-        *(text("Ring-downs of {mode}: {message}", mode=mode.name, message=one.message) for mode, one in slipping),
+        *(
+            text("Ring-downs of {mode}: {message}", mode=mode.name, message=one.in_words().message)
+            for mode, one in slipping
+        ),
     ]
 
 
@@ -70,7 +73,7 @@ def _small(mode: AmplitudeDependentMode) -> Finding | None:
 
 
 def _said(mode: AmplitudeDependentMode, code: str) -> Finding | None:
-    return next((finding for finding in mode.findings if finding.code == code), None)
+    return next((finding.in_words() for finding in mode.findings if finding.code == code), None)
 
 
 def _caption(modes: Sequence[AmplitudeDependentMode]) -> str:
@@ -123,7 +126,7 @@ def _limits(modes: Sequence[AmplitudeDependentMode], book: Book) -> Table:
                 "" if behind is None else _at(mode, behind),
                 "" if linear is None else linear.message,
                 plain(mode.modal_mass, 4) if mass is None else mass.message,
-                " ".join(one.message for one in mode.findings if one.code.startswith("stated-")),
+                " ".join(one.in_words().message for one in mode.findings if one.code.startswith("stated-")),
             )
         )
     columns = (

@@ -11,9 +11,7 @@ SEVERITIES = {"error": mark("error"), "warning": mark("warning"), "info": mark("
 """Severities, the gravest first, as the reader meets them."""
 _AS_DATA = mark("info")
 """How the table beside the report calls a remark."""
-IN_ENGLISH = mark(
-    "What findings mean is translated; messages, advice, verdicts and reasons are in English, as they were computed."
-)
+IN_ENGLISH = mark("Verdicts, reasons and the sentences of some findings are in English, as they were computed.")
 _MOST_LISTED = 40
 
 
@@ -25,6 +23,7 @@ class Group:
     code: str
     advice: str
     findings: list[Finding] = field(default_factory=list)
+    in_english: bool = False
 
     @property
     def name(self) -> str:
@@ -33,8 +32,8 @@ class Group:
 
     @property
     def meaning(self) -> str:
-        """What the catalogue says of the kind, where the messages are not in the reader's language."""
-        return word(kinds()[self.code].meaning) if language() != SOURCE and self.code in kinds() else ""
+        """What the catalogue says of the kind, where a message is not in the reader's language."""
+        return word(kinds()[self.code].meaning) if self.in_english and self.code in kinds() else ""
 
     @property
     def listed(self) -> list[Finding]:
@@ -54,8 +53,10 @@ def grouped(findings: list[Finding]) -> list[Group]:
     """By severity and kind, the gravest first and the most frequent first among equals."""
     groups: dict[tuple[str, str], Group] = {}
     for finding in findings:
-        key = (finding.severity, finding.code)
-        groups.setdefault(key, Group(finding.severity, finding.code, finding.advice)).findings.append(finding)
+        said = finding.in_words()
+        group = groups.setdefault((finding.severity, finding.code), Group(finding.severity, finding.code, said.advice))
+        group.findings.append(said)
+        group.in_english |= language() != SOURCE and said.message == finding.message
     order = list(SEVERITIES)
     return sorted(groups.values(), key=lambda group: (order.index(group.severity), -len(group.findings), group.code))
 

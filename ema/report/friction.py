@@ -47,7 +47,7 @@ def _sentence(decay: Decay, number: int) -> str:
         for phase in phases(decay)
     ]
     doubts = "".join(
-        " " + text("Not one mode: {message}", message=finding.message)
+        " " + text("Not one mode: {message}", message=finding.in_words().message)
         for finding in decay.findings
         if finding.severity != "info"
     )

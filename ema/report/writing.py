@@ -13,7 +13,7 @@ from ema.report.files import as_csv, write_bytes
 from ema.report.formats import FORMATS, checked_formats
 
 
-def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: str = SOURCE) -> Path:
+def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: str = "") -> Path:
     """Write the report of a study, a placement, or results of comparisons and simulations.
 
     All formats are made of the same sentences, tables and figures. The tables go to ``<report>_tables`` beside it, one
@@ -28,7 +28,8 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: 
     formats : sequence of str, optional
         ``html``, ``pdf``, ``docx``, one file each beside ``path``; by default the one that ``path`` ends with, or HTML.
     language : str, optional
-        Code of the language of all words, such as ``de``; English by default. Messages of single findings stay English.
+        Code of the language of all words, such as ``de``; by default that of the study, and English
+        for other results. Verdicts, reasons and sentences of findings that have no translation stay English.
 
     Returns
     -------
@@ -61,7 +62,7 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: 
             raise FailureError("the report cannot be written: a folder has its name", where=str(each))
     book = Book(png="docx" in wanted)
     tables = base.with_name(f"{base.name}_tables")
-    with speaking(language):
+    with speaking(language or getattr(result, "language", SOURCE)):
         document = document_of(result, book)
         contents = [_rendered(document, name, tables.name) for name in wanted]
     for table in book.tables:

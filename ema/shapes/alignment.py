@@ -391,13 +391,14 @@ def _by_shapes(
     if not rivals:
         return near[best], []
     return near[best], [
-        Finding(
+        Finding.of(
             "info",
             "symmetric-placement",
             test.name,
-            f"{len(rivals) + 1} placements of the points on the model are equally near, with shapes that agree equally "
-            "well: the structure is symmetric, or too few modes tell them apart.",
-            value=agreement[best],
+            "{count} placements of the points on the model are equally near, with shapes that agree "
+            "equally well: the structure is symmetric, or too few modes tell them apart.",
+            agreement[best],
+            count=len(rivals) + 1,
         )
     ]
 
@@ -425,13 +426,14 @@ def _doubts(
         )
     if alignment.scale not in UNIT_RATIOS:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "odd-scale",
                 where,
-                f"the test is {alignment.scale:.4g} times as large as the model, which is no ratio of units.",
+                "the test is {scale} times as large as the model, which is no ratio of units.",
+                alignment.scale,
                 advice="Check the coordinates and the unit of both.",
-                value=alignment.scale,
+                scale=f"{alignment.scale:.4g}",
             )
         )
     if chosen.rms > _OFF * extent:

@@ -96,14 +96,16 @@ def with_plate(
     error = float(np.max(np.abs(expected / (np.sort(omega[elastic]) / (2 * np.pi)) - 1)))
     if error > _AGREES:
         return model, surface, (_without(where, f"the nearest plate misses a measured frequency by {error:.0%}."),)
-    finding = Finding(
+    finding = Finding.of(
         "info",
         "plate",
         where,
-        f"modes above the measured ones are those of a plate of {plate.mass:.3g} kg/m^2, whose "
-        f"frequencies differ from the measured ones by at most {error:.1%}.",
+        "modes above the measured ones are those of a plate of {mass} kg/m^2, whose frequencies "
+        "differ from the measured ones by at most {error}.",
         error,
         _AGREES,
+        mass=f"{plate.mass:.3g}",
+        error=f"{error:.1%}",
     )
     return *_continued(model, surface, plate, 3 + len(elastic)), (finding,)
 

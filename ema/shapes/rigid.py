@@ -105,8 +105,12 @@ def with_rigid_body(
         return model, (Finding("info", "rigid-body", where, "rigid-body modes are among the measured ones."),)
     if mass is not None:
         body = Body(mass, 0.5 * (low + high), _gyration(high - low))
-        finding = Finding(
-            "info", "rigid-body", where, f"rigid-body modes are those of a uniform plate of {mass:.4g} kg."
+        finding = Finding.of(
+            "info",
+            "rigid-body",
+            where,
+            "rigid-body modes are those of a uniform plate of {mass} kg.",
+            mass=f"{mass:.4g}",
         )
         return _extended(model, geometry, face, body), (finding,)
     identified = _from_mass_lines(model, geometry, face)
@@ -124,13 +128,15 @@ def with_rigid_body(
             ),
         )
     body, explained = identified
-    finding = Finding(
+    finding = Finding.of(
         "info",
         "rigid-body",
         where,
-        f"rigid-body modes come from the mass lines, {explained:.0%} of which are those of {body.mass:.3g} kg.",
+        "rigid-body modes come from the mass lines, {explained} of which are those of {mass} kg.",
         explained,
         _EXPLAINED,
+        explained=f"{explained:.0%}",
+        mass=f"{body.mass:.3g}",
     )
     return _extended(model, geometry, face, body), (finding,)
 

@@ -13,6 +13,8 @@ _HOMES = {
     "HarmonicBalance": "ema.simulate.steady_states",
     "Iwan": "ema.simulate.friction",
     "LuGre": "ema.simulate.friction",
+    "Plate": "ema.elements",
+    "Section": "ema.elements",
     "Masing": "ema.simulate.friction",
     "ModifiedIwan": "ema.simulate.friction",
     "ParallelMasing": "ema.simulate.friction",

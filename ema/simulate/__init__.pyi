@@ -1,3 +1,5 @@
+from ema.elements import Plate as Plate
+from ema.elements import Section as Section
 from ema.elements import beam as beam
 from ema.elements import double_beam as double_beam
 from ema.elements import plate_matrices as plate_matrices

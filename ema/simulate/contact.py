@@ -430,8 +430,8 @@ def preload(model: BeamModel) -> ContactPressure:
 
     Examples
     --------
-    >>> from ema.simulate import Masing, double_beam
-    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4)
+    >>> from ema.simulate import Masing, Section, double_beam
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, Section(0.5, 0.04, 0.005, elements=4))
     >>> round(float(preload(model).forces.sum()), 3)
     1000.0
     """

@@ -8,7 +8,7 @@ with it; the energy lost there is booked as ``projection``.
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -247,10 +247,11 @@ def controlled_snapback(
     fits_memory(model.name, samples, 4 * len(problem.base.frequencies) + 4 * len(problem.system.contacts.limits) + 12)
     ramped = problem if start_force is None else prepare(model.with_normal_force(start_force), [dof])
     before = [joint.normal_force if start_force is None else start_force for joint in model.joints]
+    controlled = _Controlled(problem, actuator, seen, before, ramped.system.contacts.limits)
 
     def attempt(finer: int) -> tuple[np.ndarray, Response]:
         state = released(ramped, load, dof, finer=finer)
-        run = _run(problem, ramped, state, deepcopy(law), actuator, seen, step / finer, duration, before, progress)
+        run = controlled.run(state, deepcopy(law), step / finer, samples, progress)
         return np.asarray(run.displacements), run
 
     if not check:
@@ -262,45 +263,46 @@ def controlled_snapback(
     return replace(response, error_estimate=error, findings=(*response.findings, *slow))
 
 
-def _run(
-    problem: Problem,
-    ramped: Problem,
-    state: _State,
-    law: ControlLaw,
-    actuator: Actuator,
-    sensor: Dof,
-    step: float,
-    duration: float,
-    before: list[float],
-    progress: Progress,
-) -> Response:
-    every = max(round(actuator.sampling_time / step), 1)
-    h = actuator.sampling_time / every
-    stepper = Stepper(problem, state.copy(), h)
-    stepper.coupled.limits = ramped.system.contacts.limits.copy()
-    samples = max(round(duration / actuator.sampling_time), 1)
-    base, contacts = problem.base, problem.system.contacts
-    row, joints = base.row(problem.system, sensor), list(contacts.joint)
-    runs = [_initial(stepper, state)]
-    commands = [np.array(before, dtype=np.float64)]
-    # command n takes effect n * every + late steps after the start
-    late = round(actuator.lag / h)
-    acting = np.empty((len(before), samples + 1))
-    for sample in range(samples):
-        advance(progress, "control", sample, samples)
-        q, p, f = (runs[-1][name][-1] for name in ("q", "p", "f"))
-        time = sample * actuator.sampling_time
-        seen = Measured(time, float(row @ q), float(row @ p), base.slip @ q, base.slip @ p, f)
-        commands.append(_wanted(law(seen), len(before), actuator, problem.system.name, time))
-        newest = np.maximum((sample * every + np.arange(every) - late) // every + 1, 0)
-        forces = np.array(commands[newest[0] : newest[-1] + 1])[newest - newest[0]]
-        acting[:, sample] = forces[0]
-        runs.append(stepper.run(every, every, np.ascontiguousarray(contacts.friction * forces[:, joints]), _NO_LOADS))
-    acting[:, -1] = forces[-1]
-    times = actuator.sampling_time * np.arange(samples + 1)
-    run = {name: np.concatenate([part[name] for part in runs]) for name in runs[0]}
-    drive = Drive(times, normal_forces=acting)
-    return _response(problem, drive, run, stepper, actuator.sampling_time, float("nan"), 1.0)
+class _Controlled(NamedTuple):
+    """A structure, its actuator and its sensor; until the first command, normal forces ``before`` N and slip forces
+    ``limits`` N."""
+
+    problem: Problem
+    actuator: Actuator
+    sensor: Dof
+    before: list[float]
+    limits: Float[np.ndarray, "contact"]
+
+    def run(self, state: _State, law: ControlLaw, step: float, samples: int, progress: Progress) -> Response:
+        """The motion over so many samples of the controller."""
+        every = max(round(self.actuator.sampling_time / step), 1)
+        h = self.actuator.sampling_time / every
+        stepper = Stepper(self.problem, state.copy(), h)
+        stepper.coupled.limits = self.limits.copy()
+        base, contacts = self.problem.base, self.problem.system.contacts
+        row, joints = base.row(self.problem.system, self.sensor), list(contacts.joint)
+        runs = [_initial(stepper, state)]
+        commands = [np.array(self.before, dtype=np.float64)]
+        # command n takes effect n * every + late steps after the start
+        late = round(self.actuator.lag / h)
+        acting = np.empty((len(self.before), samples + 1))
+        for sample in range(samples):
+            advance(progress, "control", sample, samples)
+            q, p, f = (runs[-1][name][-1] for name in ("q", "p", "f"))
+            time = sample * self.actuator.sampling_time
+            seen = Measured(time, float(row @ q), float(row @ p), base.slip @ q, base.slip @ p, f)
+            commands.append(_wanted(law(seen), len(self.before), self.actuator, self.problem.system.name, time))
+            newest = np.maximum((sample * every + np.arange(every) - late) // every + 1, 0)
+            forces = np.array(commands[newest[0] : newest[-1] + 1])[newest - newest[0]]
+            acting[:, sample] = forces[0]
+            runs.append(
+                stepper.run(every, every, np.ascontiguousarray(contacts.friction * forces[:, joints]), _NO_LOADS)
+            )
+        acting[:, -1] = forces[-1]
+        times = self.actuator.sampling_time * np.arange(samples + 1)
+        run = {name: np.concatenate([part[name] for part in runs]) for name in runs[0]}
+        drive = Drive(times, normal_forces=acting)
+        return _response(self.problem, drive, run, stepper, self.actuator.sampling_time, float("nan"), 1.0)
 
 
 def _wanted(answer: Any, joints: int, actuator: Actuator, where: str, time: float) -> Float[np.ndarray, "joint"]:

@@ -4,7 +4,7 @@ Every record is one run of the time solver (or of harmonic balance, for a steppe
 more; force and response pass the same anti-alias filter of linear phase before they are sampled.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -15,13 +15,13 @@ from ema.data import BeamModel, Finding, Joint
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.contact import growth
-from ema.simulate.harmonic import Branch, Condensed, _Point, condense
+from ema.simulate.harmonic import Branch, Condensed, _Point, condensed_problem
 from ema.simulate.inputs import SnapBack, SteppedSine
-from ema.simulate.reduction import modal_base
+from ema.simulate.reduction import modal_base, with_armature
 from ema.simulate.rig import DERIVATIVES, Rig, anti_alias
 from ema.simulate.steady_states import jumped
 from ema.simulate.structure import assemble, pair_areas
-from ema.simulate.transient import respond, snapback
+from ema.simulate.transient import prepare, respond, snapback
 
 FINER = 2
 """Samples of the time solver per sample of the record."""
@@ -244,12 +244,12 @@ class FrictionRig(Rig):
         """The structure with the shaker's armature, seen from its contacts, and its states at all frequencies."""
         drive = self.drive
         assert isinstance(drive, SteppedSine)
-        armature, tolerance = None, max(self.tolerance, 1e-4)
+        driven = drive.point
+        problem = prepare(self.model, self._outputs, self._modes, [driven], plane=True, normal=True)
         if drive.shaker is not None:
             armature = drive.shaker.moving_mass + drive.shaker.mount_mass, drive.shaker.damping
-        condensed = condense(
-            self.model, drive.level, drive.point, self._outputs, tolerance, self._modes, armature=armature
-        )
+            problem = replace(problem, base=with_armature(problem.system, problem.base, driven, armature, self._modes))
+        condensed = condensed_problem(problem, driven, drive.level, max(self.tolerance, 1e-4))
         branch, points = Branch(condensed.tolerance), list[_Point]()
         for frequency in drive.frequencies:
             point = condensed.solve(frequency, branch.start(frequency))

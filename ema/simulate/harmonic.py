@@ -9,7 +9,7 @@ matters.
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
@@ -21,7 +21,6 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.simulate.checks import positive
 from ema.simulate.factors import LARGE, Factors
-from ema.simulate.reduction import with_armature
 from ema.simulate.transient import Problem, _State, prepare, sampled_normal_forces
 
 _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
@@ -796,27 +795,38 @@ def condense(
     tolerance: float,
     modes: int | None = None,
     normal_forces: Float[np.ndarray, "joint phase"] | None = None,
-    armature: tuple[float, float] | None = None,
 ) -> Condensed:
     """A model seen from its contacts, ready for harmonic balance.
-
-    ``armature``: a mass in kg and a damper in N s/m that move with the driven DOF, between it and the force.
 
     Raises
     ------
     InputError : the force or the tolerance is not positive, the normal forces are none.
     """
-    from ema.simulate.harmonic_joined import JoinedCondensed
-
-    positive(model.name, force=force, tolerance=tolerance)
     driven = Dof.parse(at)
     problem = prepare(model, outputs, modes, [driven], plane=True, normal=normal_forces is None)
-    if armature is not None:
-        problem = replace(problem, base=with_armature(problem.system, problem.base, driven, armature, modes))
-    if normal_forces is None and problem.laws.couplings is None:
-        return Condensed(problem, driven, force, tolerance)
     pressing = None
     if normal_forces is not None:
         phases = max((1, *np.shape(normal_forces)[-1:]))
         pressing = sampled_normal_forces(model, normal_forces, np.arange(phases) / phases)
+    return condensed_problem(problem, driven, force, tolerance, pressing)
+
+
+def condensed_problem(
+    problem: Problem,
+    driven: Dof,
+    force: float,
+    tolerance: float,
+    pressing: Float[np.ndarray, "joint phase"] | None = None,
+) -> Condensed:
+    """A prepared problem seen from its contacts; ``pressing`` N are normal forces over a period of the force.
+
+    Raises
+    ------
+    InputError : the force or the tolerance is not positive.
+    """
+    from ema.simulate.harmonic_joined import JoinedCondensed
+
+    positive(problem.system.name, force=force, tolerance=tolerance)
+    if pressing is None and problem.laws.couplings is None:
+        return Condensed(problem, driven, force, tolerance)
     return JoinedCondensed(problem, driven, force, tolerance, pressing=pressing)

@@ -18,6 +18,10 @@ from ema.simulate.harmonic import Branch, Condensed, _Point, condense, with_harm
 
 HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
 """Laws without a scale of their own: forces and displacements grow together."""
+_SHARES = np.array([0.2, 1.0, 0.5])
+"""Shares of the tolerance within which frequency, damping ratio and modal amplitude are interpolated."""
+_FIRST_PASS = 40
+"""Frequencies of the first pass over a band, with few harmonics; peaks are then placed with more."""
 _ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 6, 0.02
 _FIRST, _FIRST_LEVELS, _BESIDE, _MOST_ORDERS = 24, 7, 1.12, 48
 _RISE = 0.15
@@ -68,7 +72,6 @@ def resonance(
     band: tuple[float, float],
     tolerance: float = 5e-3,
     modes: int | None = None,
-    coarse: int = 40,
 ) -> Resonance:
     """Find the largest response in a band at one force level.
 
@@ -88,9 +91,6 @@ def resonance(
         Relative error that is aimed at.
     modes : int, optional
         Number of modes kept besides the static corrections; all by default.
-    coarse : int, default 40
-        Number of frequencies of the first pass, which uses few harmonics; peaks are then placed with as many as it
-        takes for four times the tolerance, and solved with as many as it takes for the tolerance.
 
     Returns
     -------
@@ -106,22 +106,23 @@ def resonance(
     Examples
     --------
     >>> from ema.data import Damping
-    >>> from ema.simulate import Masing, double_beam
-    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=2, damping=Damping(ratio=0.003))
+    >>> from ema.simulate import Masing, Section, double_beam
+    >>> section = Section(0.5, 0.04, 0.005, elements=2)
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, section, damping=Damping(ratio=0.003))
     >>> peak = resonance(model, 1e-3, at="beam 2:2:+Z", output="beam 2:2:+Z", band=(28.0, 36.0))
     >>> round(peak.damping, 4)  # the joint sticks: background damping alone
     0.003
     """
     condensed = condense(model, force, at, [output], tolerance, modes)
-    found = peak_in_band(condensed, check_band(model, band), coarse)
+    found = peak_in_band(condensed, check_band(model, band))
     if found is None:
         raise _no_resonance(model, band, "the largest response at an end of it")
     return found
 
 
-def peak_in_band(condensed: Condensed, band: tuple[float, float], coarse: int = 40) -> Resonance | None:
+def peak_in_band(condensed: Condensed, band: tuple[float, float]) -> Resonance | None:
     """The largest response of a band with its rivals, as of ``resonance``; nothing where it lies at an end."""
-    frequency, point = _peak(condensed, band, coarse)
+    frequency, point = _peak(condensed, band, _FIRST_PASS)
     if not within_band(np.array([frequency]), band)[0]:
         return None
     return _with_rivals(condensed, frequency, point, band)
@@ -134,14 +135,18 @@ def within_band(frequency: Float[np.ndarray, "point"], band: tuple[float, float]
 
 def no_resonance(where: str, cut: int, count: int, band: tuple[float, float]) -> Finding:
     """What is said of a map with holes where the band cuts off the resonance."""
-    return Finding(
+    return Finding.of(
         "warning",
         "no-resonance",
         where,
-        f"the model has no resonance between {band[0]:.4g} and {band[1]:.4g} Hz at {cut} of {count} points.",
+        "the model has no resonance between {low} and {high} Hz at {cut} of {count} points.",
         float(cut),
         0.0,
-        "Widen the band, or look for the mode of the map among those of the model.",
+        advice="Widen the band, or look for the mode of the map among those of the model.",
+        low=f"{band[0]:.4g}",
+        high=f"{band[1]:.4g}",
+        cut=cut,
+        count=count,
     )
 
 
@@ -483,7 +488,6 @@ def resonances(
     output: Dof | str,
     band: tuple[float, float],
     tolerance: float = 5e-3,
-    modes: int | None = None,
     progress: Progress = silent,
 ) -> tuple[Resonance, ...]:
     """Find the resonance at every force level: how frequency and damping depend on amplitude.
@@ -502,8 +506,6 @@ def resonances(
         Band [Hz].
     tolerance : float, default 0.005
         Relative error that is aimed at.
-    modes : int, optional
-        Number of modes kept besides the static corrections; all by default.
     progress : Progress, optional
         Called after each level.
 
@@ -520,8 +522,9 @@ def resonances(
     Examples
     --------
     >>> from ema.data import Damping
-    >>> from ema.simulate import Masing, double_beam
-    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=2, damping=Damping(ratio=0.003))
+    >>> from ema.simulate import Masing, Section, double_beam
+    >>> section = Section(0.5, 0.04, 0.005, elements=2)
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, section, damping=Damping(ratio=0.003))
     >>> len(resonances(model, [1e-3, 2e-3], at="beam 2:2:+Z", output="beam 2:2:+Z", band=(28.0, 36.0)))
     2
     """
@@ -531,9 +534,9 @@ def resonances(
     for number, force in enumerate(forces):
         advance(progress, "resonances", number, len(forces))
         positive(model.name, force=float(force))
-        condensed = condensed or condense(model, float(force), at, [output], tolerance, modes)
+        condensed = condensed or condense(model, float(force), at, [output], tolerance)
         here = condensed.at(float(force), condensed.limits)
-        result.append(_resonance(here, *_peak(here, check_band(model, band), 40)))
+        result.append(_resonance(here, *_peak(here, check_band(model, band), _FIRST_PASS)))
     return tuple(result)
 
 
@@ -556,7 +559,6 @@ def damping_map(
     output: Dof | str,
     band: tuple[float, float],
     tolerance: float = 1e-2,
-    modes: int | None = None,
     progress: Progress = silent,
 ) -> ModalMap:
     """Compute resonance frequency and equivalent damping over (F_E, F_N).
@@ -582,8 +584,6 @@ def damping_map(
         Band [Hz] in which the resonance is searched.
     tolerance : float, default 0.01
         Relative error that is aimed at.
-    modes : int, optional
-        Number of modes kept besides the static corrections; all by default.
     progress : Progress, optional
         Called after each point.
 
@@ -600,8 +600,9 @@ def damping_map(
     Examples
     --------
     >>> from ema.data import Damping
-    >>> from ema.simulate import Masing, double_beam
-    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=2, damping=Damping(ratio=0.003))
+    >>> from ema.simulate import Masing, Section, double_beam
+    >>> section = Section(0.5, 0.04, 0.005, elements=2)
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, section, damping=Damping(ratio=0.003))
     >>> tip = "beam 2:2:+Z"
     >>> result = damping_map(model, [0.1], [1e5], tip, tip, band=(28.0, 36.0))  # sticks: background damping alone
     >>> result.method, result.damping.shape
@@ -614,37 +615,27 @@ def damping_map(
     if not (np.all(np.isfinite(normals)) and np.all(normals >= 0)):
         raise InputError("not a normal force", where=model.name, got=f"{normals.tolist()} N", expected="0 N or more")
     check_band(model, band)
-    curves: list[_Curve] = []
-    tolerances = tolerance * np.array([0.2, 1.0, 0.5])
-    if homogeneous(model):
-        condensed = condense(model.with_normal_force(1.0), 1.0, at, [output], tolerance, modes)
+
+    def prepared(normal: float, level: float) -> Condensed:
+        """The model under a normal force on every joint."""
+        condensed = condense(model.with_normal_force(normal), level, at, [output], tolerance)
         condensed.most_orders = _MOST_ORDERS
-        curves.append(_Curve(lambda ratio: condensed.at(1.0, condensed.limits * ratio), band))
-        ratios = normals / levels[:, None]
-        keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
-        wanted, back = np.unique(keys, return_inverse=True)
-        table = interpolated(wanted, curves[0].at, tolerances, progress)[back].T.reshape(3, *ratios.shape).copy()
-        table[2] *= levels[:, None]
-    else:
-        table = np.empty((3, len(levels), len(normals)))
-        wanted, back = np.unique(levels, return_inverse=True)
-        for column, normal in enumerate(normals):
-            advance(progress, "damping map", column, len(normals))
-            here = condense(model.with_normal_force(normal), float(levels[0]), at, [output], tolerance, modes)
-            here.most_orders = _MOST_ORDERS
-            curves.append(_Curve(partial(here.at, limits=here.limits), band))
-            table[:, :, column] = interpolated(wanted, curves[-1].at, tolerances, first=_FIRST_LEVELS)[back].T
-    findings, error = [], max(found.error_estimate for curve in curves for found in curve.known.values())
+        return condensed
+
+    over = _over_ratio if homogeneous(model) else _over_levels
+    table, error = over(prepared, levels, normals, band, tolerance, progress)
+    findings = []
     if error > tolerance:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "harmonics",
                 model.name,
-                f"error estimate of a peak {error:.1e}.",
+                "error estimate of a peak {error}.",
                 error,
                 tolerance,
-                "Check it in time.",
+                advice="Check it in time.",
+                error=f"{error:.1e}",
             )
         )
     shape = table.shape[1:]
@@ -678,6 +669,45 @@ def damping_map(
     )
 
 
+def _over_ratio(
+    prepared: Callable[[float, float], Condensed],
+    levels: Float[np.ndarray, "level"],
+    normals: Float[np.ndarray, "normal"],
+    band: tuple[float, float],
+    tolerance: float,
+    progress: Progress,
+) -> tuple[Float[np.ndarray, "3 level normal"], float]:
+    """Frequency, damping ratio and modal amplitude of a homogeneous model, a curve over F_N/F_E; the largest error."""
+    condensed = prepared(1.0, 1.0)
+    curve = _Curve(lambda ratio: condensed.at(1.0, condensed.limits * ratio), band)
+    ratios = normals / levels[:, None]
+    keys = np.array([float(f"{ratio:.9g}") for ratio in ratios.ravel()])
+    wanted, back = np.unique(keys, return_inverse=True)
+    table = interpolated(wanted, curve.at, tolerance * _SHARES, progress)[back].T.reshape(3, *ratios.shape).copy()
+    table[2] *= levels[:, None]
+    return table, curve.error
+
+
+def _over_levels(
+    prepared: Callable[[float, float], Condensed],
+    levels: Float[np.ndarray, "level"],
+    normals: Float[np.ndarray, "normal"],
+    band: tuple[float, float],
+    tolerance: float,
+    progress: Progress,
+) -> tuple[Float[np.ndarray, "3 level normal"], float]:
+    """The same of any model: a curve over F_E at each F_N."""
+    table, error = np.empty((3, len(levels), len(normals))), 0.0
+    wanted, back = np.unique(levels, return_inverse=True)
+    for column, normal in enumerate(normals):
+        advance(progress, "damping map", column, len(normals))
+        here = prepared(float(normal), float(levels[0]))
+        curve = _Curve(partial(here.at, limits=here.limits), band)
+        table[:, :, column] = interpolated(wanted, curve.at, tolerance * _SHARES, first=_FIRST_LEVELS)[back].T
+        error = max(error, curve.error)
+    return table, error
+
+
 @dataclass
 class _Curve:
     """Resonances along a curve of a map: between two that are known, the next one is sought near them first."""
@@ -685,6 +715,11 @@ class _Curve:
     system: Callable[[float], Condensed]
     band: tuple[float, float]
     known: dict[float, Resonance] = field(default_factory=dict)
+
+    @property
+    def error(self) -> float:
+        """The largest error estimate of its peaks."""
+        return max(found.error_estimate for found in self.known.values())
 
     def at(self, place: float) -> Float[np.ndarray, "3"]:
         """Frequency, damping ratio and modal amplitude at a place of the curve."""

@@ -257,7 +257,6 @@ def backbone(
     near: float,
     outputs: Sequence[Dof | str],
     tolerance: float = 5e-3,
-    modes: int | None = None,
     harmonics: int | None = None,
     progress: Progress = silent,
 ) -> NonlinearMode:
@@ -275,8 +274,6 @@ def backbone(
         DOFs of the shape.
     tolerance : float, default 0.005
         Relative error of the damping ratio that is aimed at; harmonics are added until it is met.
-    modes : int, optional
-        Number of modes kept besides static corrections; all by default.
     harmonics : int, optional
         Highest harmonic kept, instead of as many as the tolerance asks for.
     progress : Progress, optional
@@ -299,8 +296,9 @@ def backbone(
     Examples
     --------
     >>> from ema.data import Damping
-    >>> from ema.simulate import Masing, backbone, double_beam
-    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4, damping=Damping(ratio=0.003))
+    >>> from ema.simulate import Masing, Section, backbone, double_beam
+    >>> section = Section(0.5, 0.04, 0.005, elements=4)
+    >>> model = double_beam(Masing(0.3, 1e9), 1000.0, section, damping=Damping(ratio=0.003))
     >>> mode = backbone(model, [1e-5, 1e-2], near=32.0, outputs=["beam 2:4:+Z"])
     >>> bool(mode.frequencies[0] > mode.frequencies[1])
     True
@@ -314,7 +312,7 @@ def backbone(
         raise InputError("not a frequency", where=model.name, got=near, expected="above 0 Hz")
     if not outputs:
         raise InputError("no DOF whose shape is wanted", where=model.name, got="no outputs", expected="one or more")
-    condensed = condense(model, 1.0, outputs[0], outputs, tolerance, modes)
+    condensed = condense(model, 1.0, outputs[0], outputs, tolerance)
     condensed.keep(harmonics)
     motion, solution = _linear_mode(condensed, near)
     shapes = np.full((len(outputs), len(levels)), np.nan, complex)

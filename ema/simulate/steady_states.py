@@ -182,17 +182,23 @@ def _ended(condensed: Condensed, searches: list[tuple[float, int, _Point | None]
     if not searches:
         return []
     frequency, spent, point = max(searches, key=lambda search: np.inf if search[2] is None else search[2].error)
-    what = "no steady state was found" if point is None else f"the error estimate is {point.error:.1e}"
     return [
-        Finding(
+        Finding.of(
             "warning",
             "budget-spent",
             condensed.problem.system.name,
-            f"the budget ended the search at {len(searches)} frequencies; at {frequency:.5g} Hz {what} after {spent}, "
-            "counted in unknowns and 200 more for each evaluation of the contact forces.",
+            "the budget ended the search at {count} frequencies; at {frequency} Hz no steady state was found after "
+            "{spent}, counted in unknowns and 200 more for each evaluation of the contact forces."
+            if point is None
+            else "the budget ended the search at {count} frequencies; at {frequency} Hz the error estimate is {error} "
+            "after {spent}, counted in unknowns and 200 more for each evaluation of the contact forces.",
             float(spent),
             float(condensed.budget),
-            "Ask for fewer harmonics (harmonics), a looser tolerance, or a larger budget (budget).",
+            advice="Ask for fewer harmonics (harmonics), a looser tolerance, or a larger budget (budget).",
+            count=len(searches),
+            frequency=f"{frequency:.5g}",
+            error=np.nan if point is None else f"{point.error:.1e}",
+            spent=spent,
         )
     ]
 
@@ -202,16 +208,19 @@ def jumped(where: str, jumps: list[tuple[float, float]]) -> list[Finding]:
     if not jumps:
         return []
     named = ", ".join(f"{min(pair):.5g} and {max(pair):.5g}" for pair in jumps[:_NAMED])
-    more = f" and at {len(jumps) - _NAMED} more" if len(jumps) > _NAMED else ""
+    more = len(jumps) - _NAMED
     return [
-        Finding(
+        Finding.of(
             "warning",
             "branch-jump",
             where,
-            f"the steady states change to another branch between {named} Hz{more}: there are several there.",
+            "the steady states change to another branch between {named} Hz and at {more} more: there are several there."
+            if more > 0
+            else "the steady states change to another branch between {named} Hz: there are several there.",
             jumps[0][0],
-            None,
-            "Sweep up and down (ema.simulate.frf_up_and_down) to see both.",
+            advice="Sweep up and down (ema.simulate.frf_up_and_down) to see both.",
+            named=named,
+            more=more,
         )
     ]
 
@@ -243,14 +252,14 @@ def _instability(condensed: Condensed, frequencies: list[float]) -> list[Finding
     if not frequencies:
         return []
     return [
-        Finding(
+        Finding.of(
             "warning",
             "unstable-state",
             condensed.problem.system.name,
-            f"the motion in time leaves the steady state at {len(frequencies)} frequencies.",
+            "the motion in time leaves the steady state at {count} frequencies.",
             frequencies[0],
-            None,
-            "Use the time solver, ema.simulate.respond, there.",
+            advice="Use the time solver, ema.simulate.respond, there.",
+            count=len(frequencies),
         )
     ]
 
@@ -299,27 +308,29 @@ def _judged(condensed: Condensed, response: HarmonicResponse, rounding: Float[np
     if not solved.all():
         lost = frequencies[~solved]
         findings.append(
-            Finding(
+            Finding.of(
                 "error",
                 "no-steady-state",
                 where,
-                f"no steady state found at {len(lost)} frequencies.",
+                "no steady state found at {count} frequencies.",
                 float(lost[0]),
-                None,
-                "Use the time solver, ema.simulate.respond, or a softer contact there.",
+                advice="Use the time solver, ema.simulate.respond, or a softer contact there.",
+                count=len(lost),
             )
         )
     if solved.any() and np.nanmax(error) > condensed.tolerance:
         worst = int(np.nanargmax(error))
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "harmonics",
                 where,
-                f"error estimate {error[worst]:.1e} at {frequencies[worst]:.5g} Hz.",
+                "error estimate {error} at {frequency} Hz.",
                 float(error[worst]),
                 condensed.tolerance,
-                "Check it in time.",
+                advice="Check it in time.",
+                error=f"{error[worst]:.1e}",
+                frequency=f"{frequencies[worst]:.5g}",
             )
         )
     lost = response.friction_power + response.damping_power
@@ -329,14 +340,15 @@ def _judged(condensed: Condensed, response: HarmonicResponse, rounding: Float[np
     )
     if imbalance > 1e-4:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "power-balance",
                 where,
-                f"the power balance is off by {imbalance:.1e}.",
+                "the power balance is off by {imbalance}.",
                 imbalance,
                 1e-4,
-                "Lower the tolerance.",
+                advice="Lower the tolerance.",
+                imbalance=f"{imbalance:.1e}",
             )
         )
     return findings

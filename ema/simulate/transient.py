@@ -34,6 +34,8 @@ ENERGY_LIMIT = 1e-6
 _BLOCK = 4_000_000
 """Numbers of forces made at once, and steps taken without asking whether to go on."""
 _FIRST_STEP = 1e-4
+_HALVINGS = 9
+"""How often the step is halved at most."""
 """s; the error estimate needs steps that follow the first few modes of a beam."""
 
 
@@ -313,7 +315,6 @@ def solve(
     sampling_rate: float,
     tolerance: float,
     progress: Progress = silent,
-    halvings: int = 9,
 ) -> Response:
     """Halve the step until two runs agree within ``tolerance`` of the largest displacement.
 
@@ -335,11 +336,11 @@ def solve(
     def attempt(finer: int) -> tuple[np.ndarray, tuple[dict[str, np.ndarray], Stepper]]:
         """The outputs of a run with so many times more steps, and the run."""
         steps = every * finer
-        tick = partial(advance, progress, "time steps", finer.bit_length() - 1, halvings)
+        tick = partial(advance, progress, "time steps", finer.bit_length() - 1, _HALVINGS)
         run, stepper = integrate(problem, start(finer), interval / steps, steps, samples, drive, tick)
         return run["q"] @ rows.T, (run, stepper)
 
-    (run, stepper), error = refined(attempt, tolerance, halvings)
+    (run, stepper), error = refined(attempt, tolerance, _HALVINGS)
     return _response(problem, drive, run, stepper, interval, error, tolerance)
 
 

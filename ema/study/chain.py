@@ -72,24 +72,28 @@ def analyse(
 
 def ring_down_finding(run: Run) -> Finding:
     """Why a run of free vibrations has no FRFs, and what makes a result of it."""
-    return Finding(
+    return Finding.of(
         "info",
         "ring-down-without-band",
         f"run {run.id}",
         "a snap-back has no measured force: it gives frequency and damping over the amplitude, and no FRFs.",
-        advice=f'Name its band in the recipe: [[ring_down]] run = "{run.id}", band = [low, high].',
+        advice='Name its band in the recipe: [[ring_down]] run = "{run}", band = [low, high].',
+        run=run.id,
     )
 
 
 def excitation_finding(run: Run) -> Finding:
     """Why a run of records has no FRFs: nobody stated how the structure was driven."""
-    return Finding(
+    return Finding.of(
         "warning",
         "excitation-unstated",
         f"run {run.id}",
         "nobody stated how the structure was driven: there are no FRFs, and no modes.",
-        advice='State kind = "hammer" (or "random", "sweep", "stepped sine", "snap-back") of the run; '
-        f'[[loop]] run = "{run.id}" in a recipe makes a hysteresis loop of it.',
+        advice=(
+            'State kind = "hammer" (or "random", "sweep", "stepped sine", "snap-back") of the '
+            'run; [[loop]] run = "{run}" in a recipe makes a hysteresis loop of it.'
+        ),
+        run=run.id,
     )
 
 

@@ -64,16 +64,19 @@ def with_valid_heights(
         return chart, ()
     heights[wrong] = np.nan
     worst = float(factor[wrong][np.argmax(np.abs(factor[wrong] - 1))])
-    finding = Finding(
+    finding = Finding.of(
         "info",
         "height",
         chart.name,
-        f"the height of the peak tells no damping in {int(wrong.sum())} of {wrong.size} conditions: the beam changes "
-        f"the modal constant of the reference, or neighbouring modes add to the peak; it would read {worst:.2f} times "
-        "the damping.",
+        "the height of the peak tells no damping in {count} of {total} conditions: the beam changes "
+        "the modal constant of the reference, or neighbouring modes add to the peak; it would read "
+        "{times} times the damping.",
         worst,
         ALLOWED,
-        "Read the damping of the fit there.",
+        advice="Read the damping of the fit there.",
+        count=int(wrong.sum()),
+        total=wrong.size,
+        times=f"{worst:.2f}",
     )
     return replace(chart, quadrature_damping=heights), (finding,)
 

@@ -267,6 +267,7 @@ def placed(task: PlacementTask, folder: Path, resume: bool, executor: Executor |
     InputError : what ``ema.place`` refuses.
     """
     from ema.place.job import place
+    from ema.place.shortlist import KeptPlaces
     from ema.place.sources import verdict_of
 
     placement = place(
@@ -275,8 +276,7 @@ def placed(task: PlacementTask, folder: Path, resume: bool, executor: Executor |
         task.geometry,
         verdict_of(task.recipe, task.folder),
         executor=executor,
-        folder=folder,
-        resume=resume,
+        kept=KeptPlaces(folder, resume),
         progress=progress,
     )
     return replace(placement, geometry=task.geometry)

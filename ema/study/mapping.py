@@ -11,6 +11,7 @@ from jaxtyping import Float
 from ema.data import Campaign, Finding, FrfSet, MapResult, ModalMap, ModalModel, Run, SingleMode, poles_from
 from ema.errors import InputError
 from ema.estimate import Steps
+from ema.messages import mark
 from ema.progress import Progress, advance, silent
 from ema.study.damping_by_height import with_valid_heights
 from ema.study.measured import frfs_of
@@ -244,15 +245,20 @@ def _against_stated(run: Run, frfs: FrfSet, level: float, dropout: float) -> tup
     if any(1 / FORCE <= one / stated <= FORCE for one in measured) or min(measured) <= stated <= max(measured):
         return ()
     return (
-        Finding(
+        Finding.of(
             "warning",
             "level-not-as-stated",
             f"run {run.id}",
-            f"the campaign states a force level of {stated:.4g} N, and {level:.4g} N were measured at resonance "
-            f"({measured[1]:.4g} N beside it): the map takes what was measured.",
+            "the campaign states a force level of {stated} N, and {level} N were measured at resonance "
+            "({beside} N beside it): the map takes what was measured.",
             level / stated,
             FORCE,
-            "Correct the level in campaign.toml (it is an amplitude, no rms), or the sensitivity of the force.",
+            advice=(
+                "Correct the level in campaign.toml (it is an amplitude, no rms), or the sensitivity of the force."
+            ),
+            stated=f"{stated:.4g}",
+            level=f"{level:.4g}",
+            beside=f"{measured[1]:.4g}",
         ),
     )
 
@@ -311,14 +317,14 @@ def _stated_level(run: Run) -> tuple[float, float, tuple[Finding, ...]]:
         level,
         float("nan"),
         (
-            Finding(
+            Finding.of(
                 "info",
                 "stated-level",
                 f"run {run.id}",
-                f"the run holds FRFs and no time signals: its force at resonance is taken as the {level:.4g} N stated.",
+                "the run holds FRFs and no time signals: its force at resonance is taken as the {level} N stated.",
                 level,
-                None,
-                "Add the time signals where the force drops at resonance.",
+                advice="Add the time signals where the force drops at resonance.",
+                level=f"{level:.4g}",
             ),
         ),
     )
@@ -389,48 +395,55 @@ def _gate(
 def _about_map(chart: ModalMap, where: str) -> list[Finding]:
     findings = []
     for values, what, other in (
-        (chart.force_levels, "force level", "the force"),
-        (chart.normal_forces, "normal force", "the normal force"),
+        (chart.force_levels, mark("force level"), mark("the force")),
+        (chart.normal_forces, mark("normal force"), mark("the normal force")),
     ):
         if len(values) == 1:
             findings.append(
-                Finding(
+                Finding.of(
                     "warning",
                     "map-with-one-" + what.split()[-1],
                     where,
-                    f"the map has one {what}, {values[0]:.4g} N: how the mode depends on {other} cannot be determined.",
+                    "the map has one {what}, {values} N: how the mode depends on {other} cannot be determined.",
                     1.0,
                     2.0,
-                    f"Measure at more than one {what}.",
+                    advice="Measure at more than one {what}.",
+                    what=what,
+                    values=f"{values[0]:.4g}",
+                    other=other,
                 )
             )
     holes = int(np.sum(~np.isfinite(chart.damping)))
     if holes:
         findings.append(
-            Finding(
+            Finding.of(
                 "info",
                 "holes",
                 where,
-                f"{holes} of {chart.damping.size} conditions show no mode or were not measured.",
+                "{count} of {total} conditions show no mode or were not measured.",
                 holes,
                 0.0,
+                count=holes,
+                total=chart.damping.size,
             )
         )
     misfit = np.zeros(0) if chart.misfit is None else np.asarray(chart.misfit)
     bent = misfit[np.isfinite(misfit)]
     if len(bent) and bent.max() > _GATE:
         findings.append(
-            Finding(
+            Finding.of(
                 "warning",
                 "misfit",
                 where,
-                f"a linear mode leaves up to {100 * bent.max():.0f} % of the FRFs unexplained, "
-                f"more than {100 * _GATE:.0f} % in {int(np.sum(bent > _GATE))} of {len(bent)} conditions: "
-                "damping by the "
-                "fit is biased there.",
+                "a linear mode leaves up to {share} % of the FRFs unexplained, more than {limit_share} % in "
+                "{count} of {total} conditions: damping by the fit is biased there.",
                 float(bent.max()),
                 _GATE,
-                "Read the damping by height beside it, where it is shown.",
+                advice="Read the damping by height beside it, where it is shown.",
+                share=f"{100 * bent.max():.0f}",
+                limit_share=f"{100 * _GATE:.0f}",
+                count=int(np.sum(bent > _GATE)),
+                total=len(bent),
             )
         )
     return findings
@@ -483,17 +496,19 @@ def _about_sequence(
         up, after = float(chart.damping[r, c]), float(again.damping[row, column])
         rise = float(again.frequency[row, column] - chart.frequency[r, c])
         findings.append(
-            Finding(
+            Finding.of(
                 "info",
                 "sequence",
                 f"{table.title}, {point.frfs.name}",
-                f"on the way down of the normal force the damping is {100 * after:.2f} % and was "
-                f"{100 * up:.2f} % on the "
-                f"way up, at F_E {again.force_levels[row]:.3g} N and F_N {again.normal_forces[column]:.4g} N; the "
-                f"frequency changed by {rise:+.1f} Hz.",
+                "on the way down of the normal force the damping is {down} % and was {up} % on the way up, "
+                "at F_E {level} N and F_N {normal_force} N; the frequency changed by {change} Hz.",
                 after - up,
-                None,
-                "State the sequence with every result.",
+                advice="State the sequence with every result.",
+                down=f"{100 * after:.2f}",
+                up=f"{100 * up:.2f}",
+                level=f"{again.force_levels[row]:.3g}",
+                normal_force=f"{again.normal_forces[column]:.4g}",
+                change=f"{rise:+.1f}",
             )
         )
     return findings

@@ -80,7 +80,7 @@ def _estimated(run: Run, options: dict[str, Any], progress: Progress) -> tuple[F
     from ema import estimate
 
     if run.kind == "hammer":
-        return estimate.hammer_test(run, **options, progress=progress)
+        return estimate.hammer_test(run, estimate.HammerSettings(**options), progress)
     if run.kind == "stepped sine":
         return estimate.stepped(run, **options, progress=progress), None
     estimator = estimate.shaker if run.kind == "random" else estimate.sweep

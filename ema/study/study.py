@@ -549,11 +549,12 @@ class Study:
             placement=placement,
             forecast_check=checked,
             amplitude_modes=stepped,
+            language=self.recipe.language,
         )
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))
         advance(progress, "writing the report", 1, 2)
-        report.write(result, self.report, language=self.recipe.language)
+        report.write(result, self.report)
         advance(progress, "writing the report", 2, 2)
         return result
 

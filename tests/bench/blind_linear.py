@@ -26,8 +26,9 @@ from ema.errors import InputError
 from ema.place.bands import assembled
 from ema.place.fundamental import linear_modes
 from ema.place.intervals import beams_drawn, drawn
+from ema.place.predictor import predict
 from ema.place.shortlist import Question, question
-from ema.place.task import Task, only, predicted
+from ema.place.task import Task, only
 from ema.shapes import smooth, with_body_uncertainty, with_plate, with_rigid_body
 from ema.study import chain
 from ema.study.recipe import FitTable
@@ -86,7 +87,7 @@ def rows_of(seed: int, number: int) -> Iterator[Row]:
     scale = 0.5 * recipe.forecast.calibration_std
     levels = hosts.LEVELS[:1]
     task = Task(bare, surface, recipe.bolted_joint(), recipe.at, levels, np.array([FORCE]), modes, scale_std=scale)
-    nominal = question(task, predicted(task, here), 0)
+    nominal = question(task, predict(task, here), 0)
     draws = [assembled(nominal, one, beams_drawn(here, rng), rng) for one in drawn(task, DRAWS, rng)]
     spot = (*map(float, here.centres[0]), float(here.angles[0]))
     for mode, true_mode in zip(modes, case.modes, strict=True):

@@ -21,7 +21,8 @@ from ema import place, shapes
 from ema.data import FrictionLaw
 from ema.data.placement import BoltedJoint, FrictionBeam
 from ema.place.objective import scores
-from ema.place.task import only, predicted
+from ema.place.predictor import predict
+from ema.place.task import only
 from tests.bench.provenance import stamp
 from tests.unit.placement_rig import bare_table
 
@@ -44,11 +45,11 @@ def predictor() -> dict[str, Any]:
     """Processor time per candidate, best of five."""
     asked = task([15.0, 30.0, 60.0], 8, (0, 2))
     here = place.grid(asked.surface, [BEAM], 0.05, margin=0.02)
-    predicted(asked, here)
+    predict(asked, here)
     times = []
     for _ in range(5):
         started = process_time()
-        found = predicted(asked, here)
+        found = predict(asked, here)
         times.append(1e3 * (process_time() - started) / len(here))
     return {
         "ms per candidate": min(times),
@@ -65,9 +66,9 @@ def stages(count: int) -> dict[str, Any]:
     picked = np.sort(np.random.default_rng(1).permutation(len(every))[:count])
     here, aim = only(every, picked), place.Objective()
     started = process_time()
-    ranking = place.search(asked, here, aim, shortlist=20, keep=1, draws=0)
+    ranking = place.search(asked, here, aim, settings=place.SearchSettings(shortlist=20, keep=1, draws=0))
     short = process_time() - started
-    full = scores(place.verify(asked, predicted(asked, here), np.arange(len(here))), aim).max()
+    full = scores(place.verify(asked, predict(asked, here), np.arange(len(here))), aim).max()
     return {
         "candidates": len(here),
         "best of two stages over best of all": ranking.best.score / float(full),

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ema.data import BeamModel, Damping
+from ema.elements import Section
 from ema.simulate import HarmonicBalance, Masing, damping_map, double_beam, frf, resonance
 from ema.simulate.events import Harmonic, run_reference
 from ema.simulate.harmonic import Condensed, condense
@@ -36,7 +37,7 @@ LONGEST = 120.0
 
 def model_at(ratio: float, elements: int = 20) -> BeamModel:
     """The double beam at a normal force, N."""
-    return double_beam(Masing(MU, STIFFNESS), ratio, elements=elements, damping=DAMPING)
+    return double_beam(Masing(MU, STIFFNESS), ratio, Section(0.5, 0.04, 0.005, elements=elements), damping=DAMPING)
 
 
 def timed(action: Callable[[], Any]) -> tuple[float, Any]:

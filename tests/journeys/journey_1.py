@@ -5,7 +5,7 @@ import ema
 
 campaign = acquisition.open_campaign("datasets/virtual_table_hammer")
 run   = campaign["beam_1kN"]                            # F_N = 1.02 +- 0.03 kN
-frfs  = ema.estimate.hammer(run, estimator="H1")        # FrfSet, accelerance, 80 x 2
+frfs  = ema.estimate.hammer(run)                        # FrfSet, accelerance, 80 x 2
 poles = ema.fit.stabilise(frfs.band(200, 1350), orders=range(4, 61, 2))
 modes = ema.fit.modes(frfs, poles)                      # automatic; or near=[500, 1000]
 print(modes.table())                                    # f [Hz], zeta [%], +-, MPC, F_N [N]

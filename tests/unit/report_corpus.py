@@ -50,7 +50,7 @@ EXPECTATIONS = (
 SMALL: dict[str, Any] = {"count": 2, "lines": 60}
 
 
-def plate(across: int, up: int) -> Geometry:
+def plate(across: int = 5, up: int = 4) -> Geometry:
     x, y = np.meshgrid(np.linspace(0, 1.2, across), np.linspace(0, 0.8, up), indexing="ij")
     grid = np.arange(1, across * up + 1).reshape(across, up)
     faces = tuple(

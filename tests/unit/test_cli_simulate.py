@@ -17,6 +17,7 @@ import acquisition
 from ema import simulate, store
 from ema.cli.app import app
 from ema.data import BeamModel, Decay, HarmonicResponse, Loop, ModalMap, Response
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import beam, frf
 from tests.golden_json import assert_keys
@@ -295,7 +296,7 @@ duration = "0.01 s"
     ids=["asymmetric", "indefinite", "NaN", "not held"],
 )
 def test_imported_matrices_that_are_no_structure(tmp_path, place, value, words):
-    host = beam(0.5, 0.04, 0.01, elements=10)
+    host = beam(Section(0.5, 0.04, 0.01, elements=10))
     stiffness = np.array(host.stiffness)
     stiffness[place] = value
     scipy.io.mmwrite(tmp_path / "mass.mtx", host.mass)

@@ -7,7 +7,7 @@ import pytest
 
 from ema.data import Channel
 from ema.errors import InputError
-from ema.estimate import hammer, hammer_test, level_bins
+from ema.estimate import HammerSettings, hammer, hammer_test, level_bins
 from ema.simulate import Fault
 from tests.unit.estimate_rig import DOFS, error, hammer_rig, recording, run_of, structure, truth
 
@@ -25,7 +25,7 @@ def faulty():
 
 @pytest.mark.parametrize("estimator", ["H1", "H2", "Hv"])
 def test_frfs_are_the_true_ones(estimator):
-    frfs = hammer(run_of(hammer_rig().takes()), estimator).band(20, 1200)
+    frfs = hammer(run_of(hammer_rig().takes()), HammerSettings(estimator=estimator)).band(20, 1200)
     assert frfs.values.shape[1:] == (2, 4)
     assert frfs.inputs == DOFS
     assert frfs.unit == "(m/s^2)/N"
@@ -66,8 +66,8 @@ def test_one_record_per_impact_gives_the_same_as_one_with_all():
     long = rig.take(0)
     step = int(1.2 * long.sampling_rate)
     parts = [replace(long, signals=long.signals[:, k * step : (k + 1) * step], name=f"blow {k}") for k in range(4)]
-    together = hammer(run_of([long]), block=4096)
-    apart = hammer(run_of(parts), block=4096)
+    together = hammer(run_of([long]), HammerSettings(block=4096))
+    apart = hammer(run_of(parts), HammerSettings(block=4096))
     assert apart.averages[0, 0] == together.averages[0, 0] == 4
     assert error(apart.band(20, 1200).values, together.band(20, 1200).values) < 1e-4
 
@@ -104,7 +104,9 @@ def test_exponential_window_is_carried_exactly():
     assert "exponential-window" in codes(frfs)
     band = frfs.band(20, 1200)
     wanted = truth(model, band.frequencies, [0, 1], [0, 1, 2, 3], band.added_decay)
-    without = hammer(run_of(hammer_rig(model, spacing=1.1, hits=1, points=DOFS * 2).takes()), decay=0.0).band(20, 1200)
+    without = hammer(
+        run_of(hammer_rig(model, spacing=1.1, hits=1, points=DOFS * 2).takes()), HammerSettings(decay=0.0)
+    ).band(20, 1200)
     plain = truth(model, without.frequencies, [0, 1], [0, 1, 2, 3])
     assert error(band.values, wanted) < 0.02
     assert error(without.values, plain) > 3 * error(band.values, wanted)
@@ -119,7 +121,7 @@ def test_a_decayed_response_gets_no_window():
 
 def test_too_strong_a_window_is_flagged():
     model = structure(damping=(0.002, 0.002, 0.001, 0.001))
-    frfs = hammer(run_of(hammer_rig(model, hits=3).takes()), decay=40.0)
+    frfs = hammer(run_of(hammer_rig(model, hits=3).takes()), HammerSettings(decay=40.0))
     assert any(f.code == "exponential-window" and f.severity == "warning" for f in frfs.findings)
 
 
@@ -129,7 +131,9 @@ def test_noise_on_the_force_biases_h1_down_and_h2_not():
     line = structure().poles.imag[2] / (2 * np.pi)
     sizes = {}
     for estimator in ("H1", "H2", "Hv"):
-        frfs = hammer(run_of(rig.takes()), estimator, window_force=False).band(line - 8, line + 8)
+        frfs = hammer(run_of(rig.takes()), HammerSettings(estimator=estimator, window_force=False)).band(
+            line - 8, line + 8
+        )
         wanted = truth(structure(), frfs.frequencies, [0, 1], [0])
         sizes[estimator] = np.sum(np.abs(frfs.values)) / np.sum(np.abs(wanted))
     assert sizes["H1"] < 0.9
@@ -150,7 +154,7 @@ def test_levels_select_and_bin():
     _, gallery = hammer_test(run)
     bins = level_bins(gallery)
     assert all(high <= 1.5 * low * (1 + 1e-9) for low, high in bins)
-    counts = [hammer(run, level=one).averages[0, 0] for one in bins]
+    counts = [hammer(run, HammerSettings(level=one)).averages[0, 0] for one in bins]
     assert sum(counts) == len(gallery.accepted)
 
 
@@ -302,7 +306,7 @@ def test_contacts_behind_the_block_do_not_count():
     run = run_of([replace(record, signals=one) for record, one in zip(records, signals, strict=True)])
     _, whole = hammer_test(run)
     assert all("second contact of 50 %" in hit.reason for hit in whole.hits)
-    _, short = hammer_test(run, block=2560)
+    _, short = hammer_test(run, HammerSettings(block=2560))
     assert all("second contact of 8" in hit.reason and hit.accepted for hit in short.hits)
 
 
@@ -313,7 +317,7 @@ def test_a_record_that_begins_within_the_impact_is_used_where_little_is_lost(pha
     records, model = with_secondary_forces([0.0] * 4, [0.1] * 4, np.random.default_rng(7), contact)
     start = round((0.05 + phase * contact) * 12800)
     cut = [replace(one, signals=one.signals[:, start:]) for one in records[:2]]
-    frfs, gallery = hammer_test(run_of([*cut, *records[2:]]), block=11000)
+    frfs, gallery = hammer_test(run_of([*cut, *records[2:]]), HammerSettings(block=11000))
     assert [hit.accepted for hit in gallery.hits] == [used, used, True, True]
     band = frfs.band(20, 500)
     assert error(band.values, truth(model, band.frequencies, [0, 1], [0])) < 0.02
@@ -324,7 +328,7 @@ def test_settings_overrule_the_choice():
     run = run_of([replace(take, name=f"take {number}") for number, take in enumerate(rig.takes())])
 
     def used(**more):
-        frfs, gallery = hammer_test(run, **more)
+        frfs, gallery = hammer_test(run, HammerSettings(**more))
         return [(str(hit.dof), hit.index) for hit in gallery.hits if not hit.accepted], codes(frfs)
 
     assert used()[0] == [("2:+Z", 1)]
@@ -338,7 +342,7 @@ def test_settings_overrule_the_choice():
 
 def test_what_the_campaign_excludes_is_not_kept():
     take = replace(hammer_rig(points=DOFS[:1]).take(0), excluded_hits=((1, "chair moved"),))
-    assert hammer(run_of([take]), keep=["all"]).averages[0, 0] == 4
+    assert hammer(run_of([take]), HammerSettings(keep=["all"])).averages[0, 0] == 4
 
 
 def test_exchanged_channels_are_named():

@@ -6,7 +6,7 @@ import scipy.fft
 
 from ema import fit
 from ema.data import Channel, FrfSet, Recording
-from ema.estimate import hammer_test
+from ema.estimate import HammerSettings, hammer_test
 from ema.fit.modal import reconstruction_error
 from ema.fit.uncertainty import residue_std
 from ema.units import FRF_UNIT
@@ -97,7 +97,7 @@ def test_a_hammer_test_that_is_cut_off(lead, decay):
             level = np.array([0.02, *(2e-3 * response.std(axis=1))])[:, None]
             noisy = signals + level * rng.standard_normal(signals.shape)
             records.append(Recording(noisy, rate, (hammer, *accelerometers(2)), name=f"{point} {len(records)}"))
-    frfs, _ = hammer_test(run_of(records), decay=decay)
+    frfs, _ = hammer_test(run_of(records), HammerSettings(decay=decay))
     band = frfs.band(40, 400)
     found = fit.modes(band, fit.stabilise(band))
     np.testing.assert_allclose(found.damping_ratios, 0.001, rtol=0.01)

@@ -8,6 +8,7 @@ import pytest
 import acquisition
 from ema.data import Channel, Condition, Damping, Recording, Run, Source
 from ema.dof import Dof
+from ema.elements import Section
 from ema.errors import InputError
 from ema.estimate import hammer, ring_down, sweep
 from ema.fit import modes, stabilise
@@ -37,7 +38,9 @@ STUCK = 1e7
 
 
 def model(normal_force: float, ratio: float = 0.006):
-    return double_beam(Masing(0.3, 1e9), normal_force, elements=8, damping=Damping(ratio=ratio))
+    return double_beam(
+        Masing(0.3, 1e9), normal_force, Section(0.5, 0.04, 0.005, elements=8), damping=Damping(ratio=ratio)
+    )
 
 
 def acc(dof: Dof = SENSOR, quantity: str = "acceleration", **more) -> Channel:

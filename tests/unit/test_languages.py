@@ -7,7 +7,9 @@ import re
 import string
 import threading
 import urllib.request
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,9 +20,10 @@ import ema.report
 from ema import examples, store
 from ema.app.words import marked, said
 from ema.data.condition import ExcitationKind, LoadingSequence
+from ema.data.findings import Finding
 from ema.data.results import Verdict
 from ema.errors import InputError
-from ema.messages import entries, kinds, language, languages, plural, preferred, speaking, text, word
+from ema.messages import entries, kinds, language, languages, mark, plural, preferred, speaking, text, word
 from ema.place.budget import HARMONICS, REST
 from ema.report.modes import _in_words
 from ema.study import recipe
@@ -32,16 +35,127 @@ OTHERS = [name for name in languages() if name != "en"]
 FUNCTIONS = {"text": 1, "mark": 1, "plural": 2}
 NUMBER = r"(?<![A-Za-z_])[-+±]?\d+(?:\.\d+)?"
 ROOT = Path(__file__).parents[2]
+IN_ENGLISH: dict[str, int] = {
+    "acquisition/files/arrays.py": 2,
+    "acquisition/files/finite_elements/rst.py": 1,
+    "acquisition/files/hdf5.py": 2,
+    "acquisition/files/lvm.py": 2,
+    "acquisition/files/mdf4.py": 2,
+    "acquisition/files/points.py": 3,
+    "acquisition/files/polar.py": 2,
+    "acquisition/files/ratios.py": 3,
+    "acquisition/files/reconcile.py": 1,
+    "acquisition/files/sampled.py": 1,
+    "acquisition/files/sanity.py": 3,
+    "acquisition/files/shapes.py": 1,
+    "acquisition/files/signals.py": 5,
+    "acquisition/files/table/blocks.py": 1,
+    "acquisition/files/table/damage.py": 2,
+    "acquisition/files/table/reading.py": 2,
+    "acquisition/files/tdms.py": 4,
+    "acquisition/files/uff/functions.py": 9,
+    "acquisition/files/uff/geometry_sets.py": 2,
+    "acquisition/files/uff/mode_sets.py": 4,
+    "acquisition/files/uff/reading.py": 4,
+    "acquisition/files/wav.py": 3,
+    "acquisition/files/xlsx.py": 4,
+    "acquisition/folder.py": 1,
+    "acquisition/force.py": 1,
+    "acquisition/registry.py": 1,
+    "acquisition/setups.py": 1,
+    "ema/archive/adding.py": 2,
+    "ema/archive/cache.py": 1,
+    "ema/archive/finding.py": 5,
+    "ema/archive/record.py": 1,
+    "ema/cli/level_control.py": 2,
+    "ema/cli/simulations.py": 1,
+    "ema/compare/amplitude_prediction.py": 3,
+    "ema/compare/amplitude_resolved.py": 3,
+    "ema/compare/fitting.py": 4,
+    "ema/compare/linearity.py": 2,
+    "ema/compare/map_prediction.py": 1,
+    "ema/compare/scatter.py": 2,
+    "ema/estimate/amplitude_mode.py": 1,
+    "ema/estimate/clipping.py": 2,
+    "ema/estimate/detection_lines.py": 3,
+    "ema/estimate/drift.py": 1,
+    "ema/estimate/frf_checks.py": 2,
+    "ema/estimate/gain_changes.py": 1,
+    "ema/estimate/hammer_findings.py": 1,
+    "ema/estimate/live.py": 1,
+    "ema/estimate/nonlinearity.py": 2,
+    "ema/estimate/record_agreement.py": 1,
+    "ema/fit/companions.py": 1,
+    "ema/fit/full_set.py": 1,
+    "ema/fit/opinion.py": 1,
+    "ema/fit/peaks.py": 1,
+    "ema/fit/set_up_shifts.py": 2,
+    "ema/place/conditioning.py": 1,
+    "ema/place/flags.py": 1,
+    "ema/place/shortlist.py": 1,
+    "ema/proposal/positions.py": 3,
+    "ema/proposal/proposal.py": 1,
+    "ema/shapes/alignment.py": 1,
+    "ema/shapes/continuation.py": 1,
+    "ema/simulate/branches.py": 2,
+    "ema/simulate/contact.py": 1,
+    "ema/simulate/harmonic_joined.py": 1,
+    "ema/simulate/hysteresis.py": 5,
+    "ema/simulate/identification.py": 4,
+    "ema/simulate/joined.py": 2,
+    "ema/simulate/modal_host.py": 2,
+    "ema/simulate/nonlinear_modes.py": 3,
+    "ema/simulate/steady_states.py": 1,
+    "ema/simulate/structure.py": 1,
+    "ema/simulate/transient.py": 3,
+    "ema/study/friction.py": 2,
+    "ema/study/mapping.py": 2,
+    "ema/tables/former.py": 1,
+}
+"""Findings of each file that reach every reader in English, as they are put together there; a new one is written out."""
 
 
 def calls() -> Iterator[tuple[str, ast.Call]]:
     """Calls of the functions that take messages, in modules that import them."""
-    for path in sorted((ROOT / "ema").rglob("*.py")):
+    for path in (*sorted((ROOT / "ema").rglob("*.py")), *sorted((ROOT / "acquisition").rglob("*.py"))):
         source = path.read_text(encoding="utf-8")
         if "from ema.messages import" in source:
             for node in ast.walk(ast.parse(source)):
                 if isinstance(node, ast.Call) and getattr(node.func, "id", "") in FUNCTIONS:
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", node
+
+
+def findings() -> Iterator[tuple[str, ast.Call]]:
+    """Calls that state a finding."""
+    for package in ("ema", "acquisition"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Finding", "Finding.of"):
+                    yield path.relative_to(ROOT).as_posix(), node
+
+
+def alternatives(node: ast.expr | None) -> list[str] | None:
+    """The sentences that an argument may be, written out; ``None`` for one that is put together."""
+    if node is None:
+        return [""]
+    if isinstance(node, ast.IfExp):
+        either, other = alternatives(node.body), alternatives(node.orelse)
+        return None if either is None or other is None else either + other
+    return [node.value] if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def sentences(call: ast.Call) -> list[str] | None:
+    """Messages and advice of a finding; ``None`` where they are put together, and reach every reader in English."""
+    named = {keyword.arg: keyword.value for keyword in call.keywords}
+    place = 6 if ast.unparse(call.func) == "Finding" else 99
+    given = (
+        named.get("message") or (call.args[3] if len(call.args) > 3 else None),
+        named.get("advice") or (call.args[place] if len(call.args) > place else None),
+    )
+    if ast.unparse(call.func) == "Finding.of" and all(isinstance(one, ast.Name) for one in given):
+        return []  # sentences of a table, each of which is marked
+    parts = [alternatives(one) for one in given]
+    return None if None in parts else [one for part in parts for one in part or () if one]
 
 
 def written_out(call: ast.Call) -> list[Any]:
@@ -60,6 +174,10 @@ def messages() -> set[tuple[str, ...]]:
         found |= {(one,) for one in marked(path.read_text(encoding="utf-8"))}
     for path in sorted((ROOT / "ema/app/page").glob("*.js")):
         found |= {(one,) for one in said(path.read_text(encoding="utf-8"))}
+    known = set(entries("de"))
+    for path, call in findings():
+        written = {(one,) for one in sentences(call) or ()}
+        found |= written & known if path in IN_ENGLISH else written
     return found | {(kind.meaning,) for kind in kinds().values()}
 
 
@@ -84,6 +202,22 @@ def test_no_sentence_is_missing_and_none_is_left_over(name: str) -> None:
             assert re.findall(pattern, message) == re.findall(pattern, original), given
             assert placeholders(message) == placeholders(original), given
             assert (message[-1] == ".") == (original[-1] == "."), given
+
+
+def test_findings_that_stay_english_become_fewer() -> None:
+    known, counted = set(entries("de")), Counter[str]()
+    for path, call in findings():
+        said = sentences(call)
+        if path != "ema/data/findings.py" and (said is None or {(one,) for one in said} - known):
+            counted[path] += 1
+    assert dict(counted) == IN_ENGLISH
+
+
+def test_values_of_sentences_are_those_of_their_placeholders() -> None:
+    for path, call in findings():
+        if ast.unparse(call.func) == "Finding.of" and path != "ema/data/findings.py" and sentences(call):
+            values = {keyword.arg for keyword in call.keywords} - {"message", "advice", "severity", "code", "where"}
+            assert values == {name for one in sentences(call) or () for name in placeholders(one)}, (path, call.lineno)
 
 
 def test_messages_are_written_out_with_named_placeholders() -> None:
@@ -163,6 +297,59 @@ def test_every_language_says_once_that_messages_of_findings_are_english(pages: d
     german = shown(pages["de"]["full"])
     assert german.count("sind englisch") == 1
     assert german.index("Die Kohärenz ist niedrig.") < german.index("coherence 0.61 at 499 Hz.")
+
+
+def test_a_finding_is_said_in_the_language_of_its_reader(tmp_path: Path) -> None:
+    """Late, from its code's sentence and values; one of an earlier file, or of an unknown sentence, as it was stored."""
+    first = Finding.of(
+        "warning",
+        "low-coherence",
+        "run a",
+        "the median coherence is {median}.",
+        0.41,
+        0.8,
+        advice="Repeat.",
+        median="0.41",
+    )
+    reason = mark("it does not decay")
+    pole = Finding.of(
+        "info",
+        "candidate",
+        "run a",
+        "A pole with {damping} % damping was not accepted as a mode: {reason}.",
+        damping="0.3",
+        reason=reason,
+    )
+    former = Finding("warning", "low-coherence", "run a", "the median coherence is 0.41.")
+    constant = Finding("info", "one-average", "run a", "one sweep only: the coherence is 1 by definition.")
+    path = tmp_path / "findings.h5"
+    store.save(path, replace(examples.study_result(), findings=(first, pole, former, constant)))
+    read = store.load(path).findings
+    assert [one.message for one in read] == [
+        "the median coherence is 0.41.",
+        "A pole with 0.3 % damping was not accepted as a mode: it does not decay.",
+        "the median coherence is 0.41.",
+        "one sweep only: the coherence is 1 by definition.",
+    ]
+    with speaking("de"):
+        assert [one.in_words().message for one in read] == [
+            "die mittlere Kohärenz (Median) ist 0.41.",
+            "Ein Pol mit 0.3 % Dämpfung wurde nicht als Mode angenommen: er klingt nicht ab.",
+            "the median coherence is 0.41.",
+            "nur ein Sweep: die Kohärenz ist definitionsgemäß 1.",
+        ]
+        assert read[0].in_words().advice == "Repeat." and read[0].in_words().value == 0.41
+    assert [one.in_words() for one in read] == list(read)
+
+
+def test_the_report_of_a_study_speaks_the_language_of_the_study(tmp_path: Path) -> None:
+    from ema.cli.app import app
+
+    stored = tmp_path / "study.h5"
+    store.save(stored, replace(examples.study_result(), language="de"))
+    for asked, spoken in (([], "de"), (["--language", "en"], "en")):
+        assert CliRunner().invoke(app, ["report", str(stored), *asked]).exit_code == 0
+        assert f'<html lang="{spoken}">' in (tmp_path / "study.html").read_text(encoding="utf-8")
 
 
 def test_two_threads_speak_two_languages_at_once() -> None:

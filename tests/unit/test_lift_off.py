@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from ema.data import FrictionLaw
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.dof import Dof
+from ema.place import Task
 from ema.place.describing import secant_table
 from ema.place.fundamental import _peak, _structure
 from ema.place.lift_off import Patches, softened
@@ -65,9 +66,8 @@ def sliding() -> tuple[np.ndarray, ...]:
     beam = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02)
     spot = Candidates(np.array([[0.3, 0.06]]), np.zeros(1), np.zeros(1, int), (beam,))
     joint = BoltedJoint(FrictionLaw("masing", 1e-9, 1e3), 2e7, 0.045, contact_length=0.016)
-    structure = _structure(
-        model_at(bare, smooth(bare, geometry), spot, 0, joint, 60.0), Dof.parse("91:+Z"), Dof.parse("91:+Z")
-    )
+    task = Task(bare, smooth(bare, geometry), joint, "91:+Z", np.array([30.0]), np.array([60.0]), (0,))
+    structure = _structure(model_at(task, spot, 0, 60.0), Dof.parse("91:+Z"), Dof.parse("91:+Z"))
     keep = structure[0] < (2 * np.pi * 12e3) ** 2
     return tuple(one[..., keep] if one.shape[-1:] == keep.shape else one for one in structure)
 

@@ -10,10 +10,10 @@ from scipy.sparse import csc_matrix, tril
 
 from acquisition.files import matrices
 from ema.dof import Dof
-from ema.elements import beam
+from ema.elements import Section, beam
 from ema.errors import InputError
 
-BEAM = beam(0.5, 0.04, 0.005, elements=3, part="host")
+BEAM = beam(Section(0.5, 0.04, 0.005, elements=3), part="host")
 
 
 def write_harwell_boeing(

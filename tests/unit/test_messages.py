@@ -36,7 +36,7 @@ def calls(root: Path) -> Iterator[tuple[str, ast.Call]]:
     for package in ("ema", "acquisition"):
         for path in sorted((root / package).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+                if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Finding", "Finding.of"):
                     yield path.relative_to(root).as_posix(), node
 
 

@@ -13,7 +13,7 @@ from acquisition import model_file
 from acquisition.model_building import law_of
 from ema import store
 from ema.data import Damping, ModalModel, NormalContact, poles_from
-from ema.elements import Section, plate_matrices, stepped_beam
+from ema.elements import Plate, Section, plate_matrices, stepped_beam
 from ema.errors import InputError
 from ema.simulate import (
     BoucWen,
@@ -84,8 +84,8 @@ def test_the_double_beam_is_that_of_the_simulator():
 
 def test_a_beam_on_a_beam(tmp_path):
     found = opened(tmp_path, HOST + REST + '[damping]\nratio = "0.1 %"\nmass_factor = "0.3 1/s"\n')
-    assert np.array_equal(found.host.mass, beam(0.5, 0.04, 0.01, elements=10).mass)
-    assert np.array_equal(found.beam.mass, beam(0.2, 0.03, 0.005, elements=4, clamped=(False, False)).mass)
+    assert np.array_equal(found.host.mass, beam(Section(0.5, 0.04, 0.01, elements=10)).mass)
+    assert np.array_equal(found.beam.mass, beam(Section(0.2, 0.03, 0.005, elements=4), clamped=(False, False)).mass)
     (joint,) = found.joints
     assert joint.pairs == ((3, 0), (4, 1), (5, 2), (6, 3), (7, 4)) and joint.half_heights == (0.005, 0.0025)
     assert joint.law == Masing(0.2, 2e7) and joint.normal_force == 1000.0
@@ -124,14 +124,17 @@ def test_a_plate_under_a_beam(tmp_path):
     joint = REST.replace('host_nodes = "3-7"\nbeam_nodes = "0-4"', "pairs = [[8, 0], [32, 4]]")
     found = opened(tmp_path, text + joint)
     assert np.array_equal(
-        found.host.mass, plate_matrices(0.9, 0.5, 0.06, 110e9, 0.26, 7200.0, (9, 5), clamped=False).mass
+        found.host.mass,
+        plate_matrices(
+            Plate(0.9, 0.5, 0.06, youngs_modulus=110e9, poisson=0.26, density=7200.0, elements=(9, 5)), clamped=False
+        ).mass,
     )
     assert found.joints[0].half_heights == (0.03, 0.0025)
 
 
 def test_matrices_and_mapping(tmp_path):
     """The files of another program, in mm, t and s."""
-    host = beam(0.5, 0.04, 0.01, elements=10)
+    host = beam(Section(0.5, 0.04, 0.01, elements=10))
     per_si = np.array([1.0 if dof.axis.startswith("R") else 1000.0 for dof in host.dofs])
     for name in ("mass", "stiffness"):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", getattr(host, name) / np.outer(per_si, per_si) / 1e-3)
@@ -148,7 +151,7 @@ def test_matrices_and_mapping(tmp_path):
 
 
 def test_a_measured_host(tmp_path):
-    host = beam(0.5, 0.04, 0.01, elements=10)
+    host = beam(Section(0.5, 0.04, 0.01, elements=10))
     squares, shapes = eigh(host.stiffness, host.mass)
     poles = poles_from(np.sqrt(squares) / (2 * np.pi), np.full(len(squares), 1e-3))
     modes = ModalModel(

@@ -10,7 +10,7 @@ from ema import store
 from ema.cli import main
 from ema.data import Condition, Excitation, FrfSet, ModalModel, Run
 from ema.errors import InputError
-from ema.estimate import hammer_test
+from ema.estimate import HammerSettings, hammer_test
 from ema.estimate.impact_decays import impact_decays
 from ema.fit import modes, stabilise
 from ema.study.chain import analyse
@@ -94,8 +94,8 @@ def test_fit_tells_what_is_wrong_with_the_measurement(tmp_path: Path, capsys: py
 @pytest.mark.parametrize("length", [100_000_000, 10_000])
 def test_blocks_far_longer_than_the_records_are_refused(length: int) -> None:
     with pytest.raises(InputError, match="the block is longer than the records"):
-        hammer_test(hammer_run(points=(1,)), block=length)
-    frfs, _ = hammer_test(hammer_run(points=(1,)), block=4096)
+        hammer_test(hammer_run(points=(1,)), HammerSettings(block=length))
+    frfs, _ = hammer_test(hammer_run(points=(1,)), HammerSettings(block=4096))
     assert frfs.frequency_step == 0.25
 
 

@@ -9,7 +9,7 @@ from ema import place, shapes, simulate
 from ema.data import FrictionLaw, Geometry, ModalModel
 from ema.data.modal import poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
-from ema.datasets.free_plate import free_plate
+from ema.datasets.free_plate import BendingStiffness, free_plate
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.describing import START, STEP, masing_secant, secant_table
@@ -23,7 +23,7 @@ JOINT = BoltedJoint(FrictionLaw("masing", 0.2, 2e8), 1e9, 0.045, friction_std=0.
 @pytest.fixture(scope="module")
 def table():
     """A bare table measured exactly at 19 x 11 points and at the exciter."""
-    plate = free_plate(LENGTH, WIDTH, 130.0, 4.87e6, 1.5, 1.5, 0.26, modes=8)
+    plate = free_plate(LENGTH, WIDTH, 130.0, BendingStiffness(4.87e6, 1.5, 1.5, 0.26), modes=8)
     frequencies = plate.natural_frequencies.copy()
     frequencies[:4] = [499.0, 760.0, 1000.0, 1400.0]
     frequencies[4:] = np.maximum(frequencies[4:], 1600.0)
@@ -42,7 +42,9 @@ def predict(table, centres=((0.3, 0.06),), joint=JOINT, levels=(15.0, 30.0), for
     bare, surface = table
     count = len(centres)
     here = Candidates(np.array(centres), np.zeros(count), np.zeros(count, int), (BEAM,))
-    return place.predict(bare, surface, here, joint, bare.dofs[-1], levels, forces, modes)
+    return place.predict(
+        place.Task(bare, surface, joint, bare.dofs[-1], np.array(levels), np.array(forces), modes), here
+    )
 
 
 def test_secant_stiffness_is_that_of_the_loops():
@@ -104,7 +106,7 @@ def test_a_best_normal_force_at_the_end_of_those_asked_is_named(table):
     def named(forces: np.ndarray) -> list[str]:
         task = place.Task(bare, surface, JOINT, bare.dofs[-1], np.array([30.0]), forces, (0,))
         ranked = place.rank(task, here, draws=0)
-        searched = place.search(task, here, shortlist=1, draws=0)
+        searched = place.search(task, here, settings=place.SearchSettings(shortlist=1, draws=0))
         found = [
             [one.message for one in ranking.findings if one.code == "edge-of-range"] for ranking in (ranked, searched)
         ]
@@ -150,7 +152,11 @@ def test_a_robust_choice_prefers_the_place_whose_least_value_is_larger(table):
     bare, surface = table
     here = Candidates(np.array([[0.3, 0.06], [0.45, 0.25]]), np.zeros(2), np.zeros(2, int), (BEAM,))
     task = place.Task(bare, surface, JOINT, bare.dofs[-1], np.array([30.0]), np.array([100.0, 200.0]), (0,))
-    for ask in (place.rank, place.search):
+
+    def searched(*asked, draws):
+        return place.search(*asked, settings=place.SearchSettings(draws=draws))
+
+    for ask in (place.rank, searched):
         usual = ask(task, here, draws=100)
         robust = ask(task, here, place.Objective(robust=True), draws=100)
         bounds = [max(one.score_low for one in found.places) for found in (usual, robust)]
@@ -200,7 +206,7 @@ def test_intervals_hold_the_exact_answer_of_noisy_shapes(table):
     task = place.Task(
         noisy, there, replace(JOINT, friction_std=0.0, stiffness_std=0.0), bare.dofs[-1], np.array([30.0]), forces, (0,)
     )
-    exact = place.predict(bare, surface, here, JOINT, bare.dofs[-1], [30.0], forces, (0,))
+    exact = place.predict(task._replace(bare=bare, surface=surface), here)
     inside = []
     for spot in place.rank(task, here, draws=60).places:
         column = int(np.argmin(np.abs(forces - spot.normal_force)))
@@ -237,29 +243,13 @@ def test_bad_questions_get_one_sentence(table):
     here = Candidates(np.array([[0.3, 0.06]]), np.zeros(1), np.zeros(1, int), (BEAM,))
 
     def ask(**changes):
-        question = {
-            "bare": bare,
-            "joint": JOINT,
-            "at": bare.dofs[-1],
-            "levels": [15.0],
-            "forces": [50.0],
-            "modes": [0],
-        } | changes
-        place.predict(
-            question["bare"],
-            surface,
-            here,
-            question["joint"],
-            question["at"],
-            question["levels"],
-            question["forces"],
-            question["modes"],
-        )
+        task = place.Task(bare, surface, JOINT, bare.dofs[-1], np.array([15.0]), np.array([50.0]), (0,))
+        place.predict(task._replace(**changes), here)
 
     with pytest.raises(InputError, match="scaled shapes"):
         ask(bare=replace(bare, scaling="unscaled"))
     with pytest.raises(InputError, match="force levels"):
-        ask(levels=[0.0])
+        ask(force_levels=[0.0])
     with pytest.raises(InputError, match="no such mode"):
         ask(modes=[17])
     with pytest.raises(InputError, match="not measured"):

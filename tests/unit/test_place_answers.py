@@ -9,9 +9,9 @@ from ema import place, shapes, simulate
 from ema.data import FrictionLaw, Prediction
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.errors import InputError
+from ema.place import predict
 from ema.place.intervals import samples
 from ema.place.objective import scores
-from ema.place.task import predicted
 from tests.unit.placement_rig import bare_table
 
 BEAM = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02, name="steel 60 x 50")
@@ -73,26 +73,29 @@ def test_a_hole_makes_a_normal_force_unsuitable():
 
 
 def test_recommended_force_grows_in_proportion_to_the_excitation(table):
-    one = predicted(task_of(table, (10.0, 20.0, 40.0), np.geomspace(10, 1000, 13)), spot())
+    one = predict(task_of(table, (10.0, 20.0, 40.0), np.geomspace(10, 1000, 13)), spot())
     best = place.recommended_forces(one, place.Objective(), 0)
     assert best / best[0] == pytest.approx([1, 2, 4], rel=0.05)
-    fine = predicted(task_of(table, (20.0,), np.geomspace(20, 500, 150)), spot())
+    fine = predict(task_of(table, (20.0,), np.geomspace(20, 500, 150)), spot())
     assert best[1] == pytest.approx(fine.normal_forces[fine.damping[0, 0, 0].argmax()], rel=0.08)
 
 
 # chatter: the predictor takes the flank of a linear mode, which that of a friction joint at constant force is not
 @pytest.mark.parametrize(("aim", "limit"), [("peak reduction", 0.6), ("chatter", 2.0)])
 def test_responses_come_down_as_full_steady_states_say(table, aim, limit):
-    bare, surface = table
     force = 100.0
-    here = predicted(task_of(table, (30.0,), (force,)), spot())
+    task = task_of(table, (30.0,), (force,))
+    here = predict(task, spot())
     told = float(scores(here, place.Objective(aim))[0, 0])
-    model = place.model_at(bare, surface, spot(), 0, JOINT, force)
+    model = place.model_at(task, spot(), 0, force)
     lines = np.linspace(460, 530, 71)
     run = simulate.frf(model, lines, 30.0, AT, [AT], settings=simulate.HarmonicBalance(tolerance=1e-2))
     with_beam = run.values[:, 0, list(run.orders).index(1)] / 30.0
-    fine, drive = np.linspace(480, 520, 2001), np.real(bare.shapes[[str(d) for d in bare.dofs].index(AT), 0]) ** 2
-    omega, pole = 2 * np.pi * fine, bare.poles[0]
+    fine, drive = (
+        np.linspace(480, 520, 2001),
+        np.real(task.bare.shapes[[str(d) for d in task.bare.dofs].index(AT), 0]) ** 2,
+    )
+    omega, pole = 2 * np.pi * fine, task.bare.poles[0]
     without = drive / (np.abs(pole) ** 2 - omega**2 - 2j * pole.real * omega)
     measure = (lambda h: np.abs(h).max()) if aim == "peak reduction" else (lambda h: -h.real.min())
     assert told > 2
@@ -106,7 +109,7 @@ def test_bounds_hold_the_truth_as_often_as_they_say(table):
     for trial in range(trials):
         mu, stiffness = 0.2 * np.exp(0.1 * rng.standard_normal()), 2e8 * np.exp(0.2 * rng.standard_normal())
         true_joint = replace(JOINT, law=FrictionLaw("masing", float(mu), float(stiffness)))
-        true = predicted(task_of(exact, (level,), (force,), joint=true_joint), spot()).damping[0, 0, 0, 0]
+        true = predict(task_of(exact, (level,), (force,), joint=true_joint), spot()).damping[0, 0, 0, 0]
         bare, geometry = bare_table(0.1, seed=trial)
         known = replace(JOINT, friction_std=0.1, stiffness_std=0.2)
         task = task_of((bare, shapes.smooth(bare, geometry)), (level,), (force,), joint=known)
@@ -122,7 +125,7 @@ def test_shares_of_the_joints_are_no_worse_than_equal_ones(table):
     found = place.distribute(task, spot(0.25, 0.06), 0, 200.0, evaluations=12)
     assert found.normal_forces.sum() == pytest.approx(200.0)
     assert found.damping >= found.equal_damping
-    model = place.model_at(task.bare, task.surface, spot(0.25, 0.06), 0, JOINT, found.normal_forces)
+    model = place.model_at(task, spot(0.25, 0.06), 0, found.normal_forces)
     again = simulate.resonance(model, 30.0, AT, AT, (440.0, 520.0), tolerance=5e-3)
     assert again.damping == pytest.approx(found.damping, rel=0.03)
     with pytest.raises(InputError, match="sum of normal forces"):

@@ -74,7 +74,12 @@ def task() -> place.Task:
 
 def told(task: place.Task, **uncertain: float) -> Forecast:
     joint = replace(KNOWN, **uncertain)
-    return place.forecast(task._replace(joint=joint), SPOT, 0, [30.0], [100.0], draws=200, method="frozen")
+    return place.forecast(
+        task._replace(joint=joint, force_levels=[30.0], normal_forces=[100.0]),
+        SPOT,
+        0,
+        settings=place.ForecastSettings(draws=200, method="frozen"),
+    )
 
 
 def test_shares_are_those_of_forecasts_in_which_one_thing_alone_is_uncertain(task: place.Task):

@@ -1,13 +1,15 @@
 """Control study, refusals, and workers that fail."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ema import place, shapes
 from ema.data.comparison import Verdict
 from ema.errors import FailureError, InputError
+from ema.place import predict
 from ema.place.recipe import KIND, PlaceRecipe
-from ema.place.task import predicted
 from tests.unit.placement_rig import RECIPE, bare_table
 from tests.unit.test_place_answers import spot, task_of
 
@@ -19,7 +21,9 @@ def table():
 
 
 def test_a_controlled_force_is_told_against_the_best_constant_one(table):
-    study = place.control_study(task_of(table, (15.0, 30.0), (50.0, 100.0, 200.0)), spot(), 0, 100.0, 300.0)
+    task = task_of(table, (15.0, 30.0), (50.0, 100.0, 200.0))
+    best = replace(place.rank(task, spot(), draws=0).best, normal_force=100.0)
+    study = place.control_study(task, spot(), best, 300.0)
     constant, *controlled = study.lines
     assert constant.law == "constant" and len(controlled) == 2
     assert min(line.energy for line in controlled) < constant.energy
@@ -27,7 +31,7 @@ def test_a_controlled_force_is_told_against_the_best_constant_one(table):
     assert np.all(study.scheduled_damping >= study.constant_damping - 1e-12)
     assert "After a release" in study.verdict and "In steady vibration" in study.verdict
     with pytest.raises(InputError, match="not a load"):
-        place.control_study(task_of(table), spot(), 0, 100.0, 0.0)
+        place.control_study(task, spot(), best, 0.0)
 
 
 def recipe() -> PlaceRecipe:
@@ -63,4 +67,4 @@ def test_a_worker_that_fails_is_told_and_nothing_is_lost(table, tmp_path):
 
     task = task_of(table)
     with pytest.raises(FailureError, match="kept in"):
-        place.verify(task, predicted(task, spot()), np.array([0]), Broken(), tmp_path)
+        place.verify(task, predict(task, spot()), np.array([0]), Broken(), place.KeptPlaces(tmp_path))

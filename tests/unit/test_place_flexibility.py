@@ -93,7 +93,8 @@ def built(request: pytest.FixtureRequest) -> Built:
 
 def errors(built: Built, bare: ModalModel, surface: Surface) -> np.ndarray:
     """Relative errors of the frequencies of the target modes with joints that stick."""
-    system = assemble(place.model_at(bare, surface, built.candidates, 0, built.joint, FORCE))
+    task = place.Task(bare, surface, built.joint, bare.dofs[0], np.array([1.0]), np.array([FORCE]), (0,))
+    system = assemble(place.model_at(task, built.candidates, 0, FORCE))
     slip = system.contacts.slip
     stiffness = system.stiffness + slip.T @ (slip * system.contacts.stiffness[:, None])
     found = np.sqrt(np.maximum(eigh(stiffness, system.mass, eigvals_only=True), 0)) / (2 * np.pi)

@@ -14,8 +14,9 @@ from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.errors import InputError
 from ema.place.bands import _about_harmonics
 from ema.place.fundamental import fundamental
+from ema.place.predictor import predict
 from ema.place.shortlist import answer, question
-from ema.place.task import only, predicted
+from ema.place.task import only
 from tests.unit.placement_rig import bare_table
 
 BEAM = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02, name="steel 60 x 50")
@@ -29,7 +30,7 @@ def task() -> place.Task:
     bare, geometry = bare_table(0.02)
     bare, _ = shapes.with_rigid_body(bare, geometry, 130.0)
     surface = shapes.smooth(bare, geometry)
-    return place.Task(bare, surface, JOINT, "91:+Z", np.array([30.0]), np.array([100.0]), (0,))
+    return place.Task(bare, surface, JOINT, "91:+Z", np.array(LEVELS), np.array(FORCES), (0,))
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,13 @@ def pool():
 
 @pytest.fixture(scope="module")
 def told(task, pool) -> Forecast:
-    return place.forecast(task, SPOT, 1, LEVELS, FORCES, draws=24, seed=5, method="frozen", executor=pool)
+    return place.forecast(
+        task,
+        SPOT,
+        1,
+        settings=place.ForecastSettings(draws=24, seed=5, method="frozen"),
+        executor=pool,
+    )
 
 
 def chart(damping: np.ndarray, frequency: np.ndarray, levels=LEVELS, forces=FORCES, name="mode 1") -> ModalMap:
@@ -49,7 +56,7 @@ def chart(damping: np.ndarray, frequency: np.ndarray, levels=LEVELS, forces=FORC
 
 
 def test_the_middle_is_the_full_model_and_lies_in_its_band(task, told):
-    model = place.model_at(task.bare, task.surface, SPOT, 1, JOINT, 60.0)
+    model = place.model_at(task, SPOT, 1, 60.0)
     band = (float(told.frequency.min()) - 10, float(told.frequency.max()) + 10)
     truth = simulate.damping_map(model, np.array(LEVELS), np.array(FORCES), "91:+Z", "91:+Z", band, 1e-2)
     assert np.allclose(told.damping[0], truth.damping, rtol=2e-2)
@@ -63,10 +70,22 @@ def test_the_middle_is_the_full_model_and_lies_in_its_band(task, told):
 def test_the_band_is_that_of_the_draws(task, told, pool):
     """A joint that is better known gives a narrower band; the same seed the same one."""
     better = task._replace(joint=replace(JOINT, friction_std=0.01, stiffness_std=0.02))
-    narrow = place.forecast(better, SPOT, 1, LEVELS, FORCES, draws=24, seed=5, method="frozen", executor=pool)
+    narrow = place.forecast(
+        better,
+        SPOT,
+        1,
+        settings=place.ForecastSettings(draws=24, seed=5, method="frozen"),
+        executor=pool,
+    )
     wide, small = (np.log(one.damping_high / one.damping_low).mean() for one in (told, narrow))
     assert small < 0.5 * wide
-    again = place.forecast(task, SPOT, 1, LEVELS, FORCES, draws=24, seed=5, method="frozen", executor=pool)
+    again = place.forecast(
+        task,
+        SPOT,
+        1,
+        settings=place.ForecastSettings(draws=24, seed=5, method="frozen"),
+        executor=pool,
+    )
     assert np.array_equal(again.damping_high, told.damping_high)
 
 
@@ -75,7 +94,11 @@ def test_scatter_between_the_joints_widens_the_band(task, pool):
     sure = replace(JOINT, friction_std=0.0, stiffness_std=0.0)
     even, uneven = (
         place.forecast(
-            task._replace(joint=joint), SPOT, 1, LEVELS, FORCES, draws=12, seed=5, method="frozen", executor=pool
+            task._replace(joint=joint),
+            SPOT,
+            1,
+            settings=place.ForecastSettings(draws=12, seed=5, method="frozen"),
+            executor=pool,
         )
         for joint in (sure, replace(sure, scatter=0.1))
     )
@@ -93,7 +116,7 @@ def test_a_truth_drawn_from_the_same_doubt_falls_inside(task, told):
             friction_coefficient=0.2 * np.exp(0.1 * rng.standard_normal()),
             contact_stiffness=2e8 * np.exp(0.2 * rng.standard_normal()),
         )
-        model = place.model_at(task.bare, task.surface, SPOT, 1, replace(JOINT, law=law), 60.0)
+        model = place.model_at(task._replace(joint=replace(JOINT, law=law)), SPOT, 1, 60.0)
         band = (float(told.frequency.min()) - 12, float(told.frequency.max()) + 12)
         truth = simulate.damping_map(model, np.array(LEVELS), np.array(FORCES), "91:+Z", "91:+Z", band, 1e-2)
         found = place.check(told, [replace(truth, name="mode 1")])
@@ -108,10 +131,16 @@ def test_bands_hold_what_the_upper_harmonics_change(task, pool):
         joint=replace(JOINT, friction_std=0.0, stiffness_std=0.0),
         surface=replace(task.surface, covariance=0 * task.surface.covariance, noise=0 * task.surface.noise),
     )
-    bands = place.forecast(sure, SPOT, 1, LEVELS, FORCES, draws=200, seed=3, method="frozen", executor=pool)
+    bands = place.forecast(
+        sure,
+        SPOT,
+        1,
+        settings=place.ForecastSettings(draws=200, seed=3, method="frozen"),
+        executor=pool,
+    )
     asked = sure._replace(force_levels=np.array(LEVELS), normal_forces=np.array(FORCES))
     here = only(SPOT, [1])
-    one = question(asked, predicted(asked, here), 0)
+    one = question(asked, predict(asked, here), 0)
     effect = np.abs(np.log(answer(one)[:, :2] / fundamental(one)[:, :2]))
     for column, (low, high) in enumerate(
         ((bands.frequency_low, bands.frequency_high), (bands.damping_low, bands.damping_high))
@@ -145,9 +174,9 @@ def test_it_is_stored_whole(told, tmp_path):
 
 def test_bad_input_is_told(task, told):
     with pytest.raises(InputError, match="too few draws"):
-        place.forecast(task, SPOT, 1, LEVELS, FORCES, draws=3)
+        place.forecast(task, SPOT, 1, settings=place.ForecastSettings(draws=3))
     with pytest.raises(InputError, match="no such place; got 7"):
-        place.forecast(task, SPOT, 7, LEVELS, FORCES)
+        place.forecast(task, SPOT, 7)
     good = chart(told.damping[0], told.frequency[0])
     with pytest.raises(InputError, match="none of the forecast's target modes"):
         place.check(told, [chart(told.damping[0], 3 * told.frequency[0])])

@@ -7,15 +7,16 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import minimize_scalar
 
-from ema import place, shapes
+from ema import examples, place, shapes
 from ema.data import FrictionLaw, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
+from ema.dof import Dof
+from ema.place import predict
 from ema.place.bands import forecast_and_draws
-from ema.place.fundamental import fundamental
+from ema.place.fundamental import fundamental, linear_modes
 from ema.place.intervals import beams_drawn, drawn
 from ema.place.predictor import beam_matrices
 from ema.place.shortlist import answer, question
-from ema.place.task import predicted
 from ema.simulate import damping_map
 from ema.simulate.structure import assemble
 from tests.unit.placement_rig import bare_table
@@ -38,7 +39,7 @@ def stuck_peaks(task: place.Task, candidates: Candidates = SPOT) -> list[tuple[f
 
     The damping ratio is the power supplied over omega times four times the kinetic energy.
     """
-    system = assemble(place.model_at(task.bare, task.surface, candidates, 0, task.joint, 100.0))
+    system = assemble(place.model_at(task, candidates, 0, 100.0))
     slip, load = system.contacts.slip, system.row(task.at)
     stiffness = (system.stiffness + slip.T @ (slip * system.contacts.stiffness[:, None])).astype(complex)
     if system.loss is not None:
@@ -71,16 +72,31 @@ def test_a_stuck_structure_has_its_linear_peaks(task):
     """
     ratios = np.linspace(0.002, 0.011, len(task.bare.poles))[::-1]
     task = task._replace(bare=replace(task.bare, poles=poles_from(task.bare.natural_frequencies, ratios)))
-    found = fundamental(question(task, predicted(task, SPOT), 0))[:, :2, 0, 0]
+    found = fundamental(question(task, predict(task, SPOT), 0))[:, :2, 0, 0]
     for (frequency, damping), (peak, ratio) in zip(found, stuck_peaks(task), strict=True):
         assert frequency == pytest.approx(peak, rel=3e-5)
         assert damping == pytest.approx(ratio, rel=1e-3)
 
 
+def test_a_beam_that_slides_freely_moves_without_stiffness_and_has_no_damping_ratio():
+    """On a host without rigid-body motion one mode of the sliding structure has no stiffness; none of the stuck one."""
+    bare, geometry = examples.plate()
+    task = place.Task(
+        bare, shapes.smooth(bare, geometry), STUCK, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,)
+    )
+    model = place.model_at(task, place.grid(task.surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.2), 0, 50.0)
+    with np.errstate(all="raise"):
+        sliding, stuck = (linear_modes(model, Dof.parse("1:+Z"), sticking=state) for state in (False, True))
+    free = sliding.frequencies == 0
+    assert free.sum() == 1 and np.isnan(sliding.damping_ratios[free]).all()
+    assert (sliding.damping_ratios[~free] > 0).all()
+    assert (stuck.frequencies > 0).all() and (stuck.damping_ratios > 0).all()
+
+
 def test_the_peak_of_the_mode_is_taken_and_not_a_higher_one_beside_it(task):
     """The band of mode 2 is opened to the higher peak of mode 1: the answer stays with mode 2, at all harmonics too."""
     loose = task._replace(joint=replace(STUCK, law=FrictionLaw("masing", 0.2, 2e8)), modes=(1,))
-    asked = question(loose, predicted(loose, SPOT), 0)
+    asked = question(loose, predict(loose, SPOT), 0)
     wide = asked._replace(bands=((400.0, asked.bands[0][1]),))
     higher = damping_map(wide.model, [10.0], [100.0], wide.at, wide.at, wide.bands[0])
     assert higher.frequency[0, 0] < 550, "the largest response of the band is that of mode 1"
@@ -105,7 +121,7 @@ def test_shear_adds_its_deflection_to_that_of_bending():
 def test_a_contact_length_resists_rocking(task):
     """Energy of a unit rotation of the beam's joint against the host at rest: k_N l^2 / 24."""
     long = replace(STUCK, contact_length=0.02)
-    systems = [assemble(place.model_at(task.bare, task.surface, SPOT, 0, joint, 100.0)) for joint in (STUCK, long)]
+    systems = [assemble(place.model_at(task._replace(joint=joint), SPOT, 0, 100.0)) for joint in (STUCK, long)]
     change = systems[1].stiffness - systems[0].stiffness
     row = next(k for k, dof in enumerate(systems[0].dofs) if dof.part and dof.node == 1 and dof.axis == "RY")
     turn = np.zeros(len(change))
@@ -118,9 +134,9 @@ def test_a_lossy_beam_damps_by_its_share_of_the_strain_energy(task):
     """Against dense solutions."""
     lossy, steel = (replace(SPOT, catalogue=(replace(BEAM, loss=loss),)) for loss in (0.05, 0.01))
     without, damping, small = (np.array(stuck_peaks(task, one))[:, 1] for one in (SPOT, lossy, steel))
-    assert answer(question(task, predicted(task, lossy), 0))[:, 1, 0, 0] == pytest.approx(damping, rel=0.01)
+    assert answer(question(task, predict(task, lossy), 0))[:, 1, 0, 0] == pytest.approx(damping, rel=0.01)
     for candidates, ratio in ((lossy, damping), (steel, small)):
-        found = fundamental(question(task, predicted(task, candidates), 0))[:, 1, 0, 0]
+        found = fundamental(question(task, predict(task, candidates), 0))[:, 1, 0, 0]
         assert found == pytest.approx(ratio, rel=1e-3)
     assert max(damping / without) > 1.02
 
@@ -164,10 +180,20 @@ def test_conditions_in_which_a_joint_parts_are_named_and_have_no_band_where_it_c
     law = FrictionLaw("masing", 0.2, 2e8)
     soft = task._replace(joint=replace(STUCK, law=law, friction_std=0.1), modes=(0,))
     hard, gentle = 400.0, 2.0
-    pulls = place.forecast(soft, SPOT, 0, [gentle, hard], [20.0], draws=12, method="frozen")
+    pulls = place.forecast(
+        soft._replace(force_levels=[gentle, hard], normal_forces=[20.0]),
+        SPOT,
+        0,
+        settings=place.ForecastSettings(draws=12, method="frozen"),
+    )
     assert [one.code for one in pulls.findings] == ["joint-parts"] and np.isfinite(pulls.damping_low).all()
     parts = soft._replace(joint=replace(soft.joint, normal_contact="unilateral"))
-    told = place.forecast(parts, SPOT, 0, [gentle, hard], [20.0], draws=12, method="frozen")
+    told = place.forecast(
+        parts._replace(force_levels=[gentle, hard], normal_forces=[20.0]),
+        SPOT,
+        0,
+        settings=place.ForecastSettings(draws=12, method="frozen"),
+    )
     assert np.isfinite(told.damping_low[0, :, 0]).tolist() == [True, False]
     assert np.isfinite(told.damping[0, :, 0]).tolist() == [True, False], "no value without a band either"
 
@@ -181,8 +207,13 @@ def test_a_ranking_counts_edges_that_lift_off_as_the_forecast_does(task):
     values = []
     for contact in ("linear", "unilateral"):
         asked = lifting._replace(joint=replace(joint, normal_contact=contact), normal_forces=np.array([pressed]))
-        checked = place.verify(asked, predicted(asked, SPOT), [0])
-        told = place.forecast(asked, SPOT, 0, [level], [pressed], draws=10, method="frozen")
+        checked = place.verify(asked, predict(asked, SPOT), [0])
+        told = place.forecast(
+            asked._replace(force_levels=[level], normal_forces=[pressed]),
+            SPOT,
+            0,
+            settings=place.ForecastSettings(draws=10, method="frozen"),
+        )
         assert checked.frequency[0] == pytest.approx(told.frequency, rel=1e-9)
         assert checked.damping[0] == pytest.approx(told.damping, rel=1e-9)
         # power supplied over the height: F |X| w / 2 = zeta w^3 a^2, and X = driver a
@@ -202,11 +233,11 @@ def test_a_ranking_takes_no_condition_in_which_a_joint_parts_that_cannot_pull(ta
         force_levels=np.array([2.0, 400.0]),
         normal_forces=np.array([20.0]),
     )
-    checked = place.verify(asked, predicted(asked, SPOT), [0])
+    checked = place.verify(asked, predict(asked, SPOT), [0])
     assert np.isfinite(checked.damping[0, 0, :, 0]).tolist() == [True, False]
     assert [one.code for one in checked.findings] == ["joint-parts"]
     pulls = asked._replace(joint=replace(asked.joint, normal_contact="linear"))
-    assert np.isfinite(place.verify(pulls, predicted(pulls, SPOT), [0]).damping).all()
+    assert np.isfinite(place.verify(pulls, predict(pulls, SPOT), [0]).damping).all()
 
 
 def test_where_the_form_of_the_law_is_open_the_median_of_the_draws_is_the_value(task):
@@ -219,15 +250,25 @@ def test_where_the_form_of_the_law_is_open_the_median_of_the_draws_is_the_value(
     joint = replace(STUCK, law=law, friction_std=0.05, stiffness_std=0.05, form="open")
     levels, forces = np.array([4.0, 20.0]), np.array([40.0, 120.0])
     asked = task._replace(joint=joint, modes=(0,), force_levels=levels, normal_forces=forces)
-    told, draws, _ = forecast_and_draws(asked, SPOT, 0, levels, forces, draws=60, seed=3, method="frozen")
+    told, draws, _ = forecast_and_draws(
+        asked._replace(force_levels=levels, normal_forces=forces),
+        SPOT,
+        0,
+        settings=place.ForecastSettings(draws=60, seed=3, method="frozen"),
+    )
     sheet = asked._replace(joint=replace(joint, form="given"))
-    named = place.forecast(sheet, SPOT, 0, levels, forces, draws=60, seed=3, method="frozen")
+    named = place.forecast(
+        sheet._replace(force_levels=levels, normal_forces=forces),
+        SPOT,
+        0,
+        settings=place.ForecastSettings(draws=60, seed=3, method="frozen"),
+    )
     np.testing.assert_allclose(told.damping, np.median(draws[:, :, 1], axis=0), rtol=1e-12)
     np.testing.assert_allclose(told.frequency, np.median(draws[:, :, 0], axis=0), rtol=1e-12)
     assert np.all((told.damping_low < told.damping) & (told.damping < told.damping_high))
     errors = np.zeros((2, 2))
     for one in drawn(asked, 12, np.random.default_rng(17)):
-        truth = answer(question(one, predicted(one, SPOT), 0))
+        truth = answer(question(one, predict(one, SPOT), 0))
         for row, stated in enumerate((told, named)):
             errors[row] += [
                 np.mean(np.abs(stated.frequency / truth[:, 0] - 1)),
@@ -248,7 +289,12 @@ def test_bands_that_hold_95_percent_hold_few_conditions_of_some_hosts(task):
     )
     levels, forces = [8.0, 30.0], [50.0, 130.0, 340.0]
     asked = task._replace(joint=joint, modes=(0, 1))
-    told, draws, _ = forecast_and_draws(asked, SPOT, 0, levels, forces, draws=200, seed=1, method="frozen")
+    told, draws, _ = forecast_and_draws(
+        asked._replace(force_levels=levels, normal_forces=forces),
+        SPOT,
+        0,
+        settings=place.ForecastSettings(draws=200, seed=1, method="frozen"),
+    )
     for column, (low, high) in enumerate(
         [(told.frequency_low, told.frequency_high), (told.damping_low, told.damping_high)]
     ):

@@ -50,7 +50,12 @@ def test_a_band_is_never_narrower_than_the_test_of_the_bare_structure(known):
     light = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02, density=1.0, young_modulus=1e6)
     spot = Candidates(np.array([[0.45, 0.25]]), np.zeros(1), np.zeros(1, int), (light,))
     task = place.Task(bare, surface, JOINT, "91:+Z", np.array([30.0]), np.array([5000.0]), (0,))
-    told = place.forecast(task, spot, 0, [20.0], [5000.0], draws=200, seed=4, method="frozen")
+    told = place.forecast(
+        task._replace(force_levels=[20.0], normal_forces=[5000.0]),
+        spot,
+        0,
+        settings=place.ForecastSettings(draws=200, seed=4, method="frozen"),
+    )
     assert told.damping[0, 0, 0] == pytest.approx(ratios[0], rel=0.01)
     # 95 % of 200 draws end within 6 % of 1.96 standard deviations, twice that is not seen in a million
     assert np.log(told.damping_high / told.damping_low).item() / 2 == pytest.approx(1.96 * 0.05, rel=0.35)

@@ -10,9 +10,9 @@ from ema import place, shapes
 from ema.data import FrictionLaw, Geometry, ModalModel, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.dof import Dof
+from ema.place import predict
 from ema.place.fundamental import shares
 from ema.place.shortlist import question
-from ema.place.task import predicted
 from ema.simulate.structure import assemble
 from tests.bench.blind_hosts import hosts, truth
 
@@ -68,7 +68,7 @@ def built() -> tuple[place.Task, Candidates, truth.Parts, truth.Host]:
 
 def natural(task: place.Task, candidates: Candidates) -> np.ndarray:
     """Natural frequencies in Hz of the predictor's model with joints that stick."""
-    system = assemble(place.model_at(task.bare, task.surface, candidates, 0, task.joint, FORCE))
+    system = assemble(place.model_at(task, candidates, 0, FORCE))
     slip = system.contacts.slip
     stiffness = system.stiffness + slip.T @ (slip * system.contacts.stiffness[:, None])
     return np.sqrt(np.maximum(eigh(stiffness, system.mass, eigvals_only=True), 0)) / (2 * np.pi)
@@ -91,7 +91,7 @@ def test_the_share_of_a_mode_that_one_resonance_holds_is_that_of_the_finite_elem
     task, candidates, parts, _ = built
     modes = tuple(range(3, 8))
     asked = task._replace(modes=modes)
-    found = shares(question(asked, predicted(asked, candidates), 0, False))
+    found = shares(question(asked, predict(asked, candidates), 0, False))
     wanted = [truth.share(parts, FORCE, mode) for mode in modes]
     assert found[:, 0] == pytest.approx(wanted, abs=0.02) and min(wanted) < 0.9
 
@@ -99,7 +99,7 @@ def test_the_share_of_a_mode_that_one_resonance_holds_is_that_of_the_finite_elem
 def test_a_host_held_in_its_plane_is_asked_for(built):
     """As the one that the finite elements hold: the recipe's ``in_plane``."""
     task, candidates, parts, _ = built
-    model = place.model_at(task.bare, task.surface, candidates, 0, task.joint, FORCE, in_plane="held")
+    model = place.model_at(task._replace(in_plane="held"), candidates, 0, FORCE)
     system = assemble(model)
     slip = system.contacts.slip
     stiffness = system.stiffness + slip.T @ (slip * system.contacts.stiffness[:, None])

@@ -35,7 +35,13 @@ def task() -> place.Task:
 @pytest.fixture(scope="module")
 def offered(task: place.Task) -> Trials:
     others = [place.TrialCondition(1, 30.0, 120.0)]
-    return place.next_tests(task, SPOTS, 0, LEVELS, FORCES, others=others, draws=240, seed=3, method="frozen")
+    return place.next_tests(
+        task._replace(force_levels=LEVELS, normal_forces=FORCES),
+        SPOTS,
+        0,
+        settings=place.ForecastSettings(draws=240, seed=3, method="frozen"),
+        others=others,
+    )
 
 
 def normal_case(std: float, correlation: float, level: float, draws: int = 20000) -> Trials:
@@ -95,7 +101,12 @@ def test_what_is_promised_is_what_comes(offered: Trials):
 
 def test_bands_after_a_reading_hold_as_they_say(task: place.Task, offered: Trials):
     """Truths are draws of another seed, that no regression has seen: 95 % bands of all other conditions hold them."""
-    truths = place.next_tests(task, SPOTS, 0, LEVELS, FORCES, draws=40, seed=77, method="frozen")
+    truths = place.next_tests(
+        task._replace(force_levels=LEVELS, normal_forces=FORCES),
+        SPOTS,
+        0,
+        settings=place.ForecastSettings(draws=40, seed=77, method="frozen"),
+    )
     rng = np.random.default_rng(1)
     held = []
     for number, trial in enumerate(offered.trials[:4]):
@@ -122,7 +133,12 @@ def test_a_beam_that_stays_tells_its_own_condition_and_less_of_others(offered: T
 
 
 def test_the_forecast_is_that_without_tests(task: place.Task, offered: Trials):
-    alone = place.forecast(task, SPOTS, 0, LEVELS, FORCES, draws=240, seed=3, method="frozen")
+    alone = place.forecast(
+        task._replace(force_levels=LEVELS, normal_forces=FORCES),
+        SPOTS,
+        0,
+        settings=place.ForecastSettings(draws=240, seed=3, method="frozen"),
+    )
     assert np.array_equal(alone.damping_low, offered.forecast.damping_low)
     assert np.array_equal(alone.frequency_high, offered.forecast.frequency_high)
     low = np.nanquantile(offered.values, 0.025, axis=0, method="weibull")
@@ -135,7 +151,13 @@ def test_tests_of_one_thing_tell_nothing_of_another(task: place.Task):
     known = task._replace(joint=replace(JOINT, friction_std=0.0, stiffness_std=0.0, scatter=0.0, form="given"))
     spots = replace(SPOTS, catalogue=(beam,))
     costs = place.Costs(damping_std=0.003)
-    tests = place.next_tests(known, spots, 0, [30.0], [120.0], costs=costs, draws=120, method="frozen")
+    tests = place.next_tests(
+        known._replace(force_levels=[30.0], normal_forces=[120.0]),
+        spots,
+        0,
+        settings=place.ForecastSettings(draws=120, method="frozen"),
+        costs=costs,
+    )
     kinds = {trial.kind: trial.damping_width for trial in tests.trials}
     assert kinds["beam"] < 0.9 * tests.damping_width
     assert kinds["loop"] == pytest.approx(tests.damping_width, rel=0.05)
@@ -197,9 +219,21 @@ def test_wrong_readings_get_one_sentence(number, readings, words):
 def test_tests_where_nothing_was_measured_are_refused(task: place.Task):
     beyond = replace(SPOTS, centres=np.array([[0.3, 0.06], [0.85, 0.25]]))
     with pytest.raises(InputError, match="beyond the measured points"):
-        place.next_tests(task, beyond, 0, [30.0], [120.0], others=[place.TrialCondition(1, 30.0, 120.0)], draws=20)
+        place.next_tests(
+            task._replace(force_levels=[30.0], normal_forces=[120.0]),
+            beyond,
+            0,
+            settings=place.ForecastSettings(draws=20),
+            others=[place.TrialCondition(1, 30.0, 120.0)],
+        )
     with pytest.raises(InputError, match="no such place"):
-        place.next_tests(task, SPOTS, 0, [30.0], [120.0], others=[place.TrialCondition(2, 30.0, 120.0)], draws=20)
+        place.next_tests(
+            task._replace(force_levels=[30.0], normal_forces=[120.0]),
+            SPOTS,
+            0,
+            settings=place.ForecastSettings(draws=20),
+            others=[place.TrialCondition(2, 30.0, 120.0)],
+        )
 
 
 def test_few_draws_explain_nothing_and_say_so():

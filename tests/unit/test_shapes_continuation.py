@@ -7,7 +7,7 @@ import pytest
 
 from ema import shapes
 from ema.data import Geometry, ModalModel, poles_from
-from ema.datasets.free_plate import PlateModes, free_plate
+from ema.datasets.free_plate import BendingStiffness, PlateModes, free_plate
 from ema.dof import Dof
 from ema.errors import InputError
 
@@ -19,7 +19,7 @@ TRUSTED = 10
 
 @pytest.fixture(scope="module")
 def plate() -> PlateModes:
-    return free_plate(LENGTH, WIDTH, MASS, ALONG, 1.5, 1.5, 0.26, modes=TRUSTED)
+    return free_plate(LENGTH, WIDTH, MASS, BendingStiffness(ALONG, 1.5, 1.5, 0.26), modes=TRUSTED)
 
 
 def measured(plate: PlateModes, count: int = MEASURED, noise: float = 0.0):

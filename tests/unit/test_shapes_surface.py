@@ -6,7 +6,7 @@ import pytest
 from ema import shapes
 from ema.data import Geometry, ModalModel
 from ema.data.modal import poles_from
-from ema.datasets.free_plate import PlateModes, free_plate
+from ema.datasets.free_plate import BendingStiffness, PlateModes, free_plate
 from ema.dof import Dof
 from ema.errors import InputError
 from tests.bench.blind_hosts.hosts import host_of
@@ -14,7 +14,7 @@ from tests.bench.blind_hosts.hosts import host_of
 
 @pytest.fixture(scope="module")
 def plate() -> PlateModes:
-    return free_plate(0.9, 0.5, 130.0, 4.87e6, 1.5, 1.5, 0.26, modes=4)
+    return free_plate(0.9, 0.5, 130.0, BendingStiffness(4.87e6, 1.5, 1.5, 0.26), modes=4)
 
 
 def measured(plate, noise, seed=0, turned=None, counts=(10, 8)):

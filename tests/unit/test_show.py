@@ -30,17 +30,7 @@ from ema.dof import Dof
 from ema.errors import FailureError
 from ema.show.renderer import renderer_works
 from ema.synthesis import frfs as synthesise
-
-
-def plate(across: int = 5, up: int = 4) -> Geometry:
-    x, y = np.meshgrid(np.linspace(0, 1.2, across), np.linspace(0, 0.8, up), indexing="ij")
-    grid = np.arange(1, across * up + 1).reshape(across, up)
-    faces = tuple(
-        (int(grid[i, j]), int(grid[i + 1, j]), int(grid[i + 1, j + 1]), int(grid[i, j + 1]))
-        for i in range(across - 1)
-        for j in range(up - 1)
-    )
-    return Geometry(grid.ravel(), np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]), faces=faces)
+from tests.unit.report_corpus import plate
 
 
 def model(modes: int = 6, points: int = 20, seed: int = 3) -> ModalModel:

@@ -7,12 +7,15 @@ from matplotlib.figure import Figure
 from ema import show
 from ema.data import Decay, HarmonicResponse
 from ema.dof import Dof
+from ema.elements import Section
 from ema.simulate import Masing, double_beam, loop, snapback
 
 
 @pytest.fixture(scope="module")
 def released():
-    return snapback(double_beam(Masing(0.3, 1e9), 400.0, elements=4), 20.0, "beam 2:4:+Z", 0.1)
+    return snapback(
+        double_beam(Masing(0.3, 1e9), 400.0, Section(0.5, 0.04, 0.005, elements=4)), 20.0, "beam 2:4:+Z", 0.1
+    )
 
 
 def decay(knee: float = float("nan")) -> Decay:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ema import show
+from ema.elements import Section
 from ema.errors import InputError
 from ema.show.vibration import amplitude_spectrum
 from ema.simulate import Masing, double_beam, snapback
@@ -15,7 +16,10 @@ TIP = "beam 2:4:+Z"
 
 @pytest.fixture(scope="module")
 def runs():
-    return [snapback(double_beam(Masing(0.3, 1e9), f, elements=4), 20.0, TIP, 0.1) for f in (1000.0, 8000.0)]
+    return [
+        snapback(double_beam(Masing(0.3, 1e9), f, Section(0.5, 0.04, 0.005, elements=4)), 20.0, TIP, 0.1)
+        for f in (1000.0, 8000.0)
+    ]
 
 
 def test_free_vibration_shows_motion_energy_and_loops(runs):

@@ -11,6 +11,7 @@ import pytest
 
 from ema.data import Channel, Damping
 from ema.dof import Dof
+from ema.elements import Plate, Section
 from ema.errors import InputError
 from ema.simulate import (
     ContactCurve,
@@ -57,7 +58,7 @@ MOTION, FORCE = (1e-4 * f(2 * np.pi * 10 * TIMES) for f in (np.sin, np.cos))
 
 
 def model(law=LAW, force=500.0, **more):
-    return double_beam(law, force, elements=2, **more)
+    return double_beam(law, force, Section(0.5, 0.04, 0.005, elements=2), **more)
 
 
 def lines(*frequencies, level=2.0, at=TIP, outputs=(TIP,), **more):
@@ -74,18 +75,27 @@ def rig(**more):
 
 
 STRUCTURES = {
-    "no elements": (lambda: double_beam(LAW, 1.0, elements=0), "a beam needs elements; got 0"),
-    "elements below zero": (lambda: beam(0.5, 0.04, 0.01, elements=-2), "elements; got -2"),
-    "more elements than memory": (lambda: beam(0.5, 0.04, 0.01, elements=10**6), "do not fit the memory; got 3000003"),
-    "no length": (lambda: double_beam(LAW, 1.0, length=0.0), "length = 0.0"),
-    "width NaN": (lambda: double_beam(LAW, 1.0, width=NAN), "width = nan"),
-    "density below zero": (lambda: double_beam(LAW, 1.0, density=-1.0), "density = -1.0"),
+    "no elements": (
+        lambda: double_beam(LAW, 1.0, Section(0.5, 0.04, 0.005, elements=0)),
+        "a beam needs elements; got 0",
+    ),
+    "elements below zero": (lambda: beam(Section(0.5, 0.04, 0.01, elements=-2)), "elements; got -2"),
+    "more elements than memory": (
+        lambda: beam(Section(0.5, 0.04, 0.01, elements=10**6)),
+        "do not fit the memory; got 3000003",
+    ),
+    "no length": (lambda: double_beam(LAW, 1.0, Section(0.0, 0.04, 0.005)), "length = 0.0"),
+    "width NaN": (lambda: double_beam(LAW, 1.0, Section(0.5, NAN, 0.005)), "width = nan"),
+    "density below zero": (lambda: double_beam(LAW, 1.0, Section(0.5, 0.04, 0.005, density=-1.0)), "density = -1.0"),
     "a plate without elements": (
-        lambda: plate_matrices(0.5, 0.4, 0.01, elements=(0, 2)),
+        lambda: plate_matrices(Plate(0.5, 0.4, 0.01, elements=(0, 2))),
         r"not a plate; got .*\(0, 2\)",
     ),
-    "a plate larger than memory": (lambda: plate_matrices(1.0, 1.0, 0.01, elements=(2000, 2000)), "fit the memory"),
-    "Poisson's ratio": (lambda: plate_matrices(0.5, 0.4, 0.01, poisson=0.7), "nu 0.7"),
+    "a plate larger than memory": (
+        lambda: plate_matrices(Plate(1.0, 1.0, 0.01, elements=(2000, 2000))),
+        "fit the memory",
+    ),
+    "Poisson's ratio": (lambda: plate_matrices(Plate(0.5, 0.4, 0.01, poisson=0.7)), "nu 0.7"),
     "shares below zero": (lambda: assemble(model(force_shares=np.array([2.0, -1.0]))), "least -1"),
     "shares NaN": (lambda: assemble(model(force_shares=np.array([1.0, NAN]))), "not shares of the normal force"),
     "no normal stiffness": (lambda: assemble(model(normal_stiffness=0.0)), "not a normal stiffness; got 0.0 N/m"),
@@ -230,8 +240,8 @@ def test_frequencies_in_any_order_are_answered_in_that_order():
 _OF_ANOTHER_KIND = """
 import numpy as np
 from ema.errors import InputError
-from ema.simulate import HarmonicBalance, Masing, double_beam, frf, resonance
-model, tip, line = double_beam(Masing(0.3, 1e9), 60.0, elements=1), "beam 2:1:+Z", np.array([17.0])
+from ema.simulate import HarmonicBalance, Masing, Section, double_beam, frf, resonance
+model, tip, line = double_beam(Masing(0.3, 1e9), 60.0, Section(0.5, 0.04, 0.005, elements=1)), "beam 2:1:+Z", np.array([17.0])
 for call in (
     lambda: frf(model, 17.0, 1.0, tip, [tip]),
     lambda: frf(model, np.full((2, 2), 17.0), 1.0, tip, [tip]),
@@ -259,7 +269,7 @@ def test_inputs_of_another_kind_to_steady_states():
 
 def test_static_corrections_alone_carry_a_slow_motion():
     """No mode kept, at a tenth of the first natural frequency: the response of all modes."""
-    model, tip = double_beam(Masing(0.3, 1e9), 60.0, elements=2), "beam 2:2:+Z"
+    model, tip = double_beam(Masing(0.3, 1e9), 60.0, Section(0.5, 0.04, 0.005, elements=2)), "beam 2:2:+Z"
     few, all_modes = (
         frf(model, np.array([1.6]), 20.0, tip, [tip], HarmonicBalance(modes=kept)).values[0, 0, 0] for kept in (0, None)
     )

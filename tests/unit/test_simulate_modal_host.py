@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import eigh, expm
 
 from ema.data import Damping, ModalModel, Residuals, poles_from
+from ema.elements import Section
 from ema.errors import InputError
 from ema.estimate import phases, ring_down
 from ema.simulate import HarmonicBalance, Masing, double_beam, frf, resonance, respond, snapback, snapback_reference
@@ -33,7 +34,7 @@ def measured(matrices, count=None, ratio=0.0, residual=False):
 
 
 def models(count=None, ratio=0.0, residual=False, force=1000.0):
-    plain = double_beam(LAW, force, elements=6)
+    plain = double_beam(LAW, force, Section(0.5, 0.04, 0.005, elements=6))
     return plain, replace(plain, host=measured(plain.host, count, ratio, residual))
 
 

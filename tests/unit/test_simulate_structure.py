@@ -8,6 +8,7 @@ from scipy.linalg import eigh
 
 from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices
 from ema.dof import Dof
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import Coulomb, Masing, assemble, beam, double_beam, snapback
 from ema.simulate.reduction import modal_base
@@ -21,7 +22,7 @@ def joint(**changes):
 
 
 def model(**changes):
-    lower, upper = (beam(0.1, 0.04, 0.005, elements=2, part=part) for part in ("beam 1", "beam 2"))
+    lower, upper = (beam(Section(0.1, 0.04, 0.005, elements=2), part=part) for part in ("beam 1", "beam 2"))
     return BeamModel(lower, upper, (joint(**changes),), name="test model")
 
 
@@ -54,7 +55,7 @@ def test_normal_coupling_is_symmetric_positive_and_free_of_force_for_a_joint_mot
 
 
 def test_reversed_dofs_of_a_host_change_no_result():
-    lower = beam(0.1, 0.04, 0.005, elements=2, part="beam 1")
+    lower = beam(Section(0.1, 0.04, 0.005, elements=2), part="beam 1")
     flipped = Matrices(lower.mass, lower.stiffness, lower.dofs)
     signs = np.array([-1.0 if dof.axis == "RY" else 1.0 for dof in lower.dofs])
     flipped = Matrices(
@@ -92,7 +93,7 @@ def test_rigid_friction_gets_a_stiff_spring_and_says_so():
 
 
 def test_free_beam_has_three_rigid_motions():
-    free = beam(0.5, 0.04, 0.005, clamped=(False, False))
+    free = beam(Section(0.5, 0.04, 0.005), clamped=(False, False))
     values = eigh(free.stiffness, free.mass, eigvals_only=True)
     assert np.all(np.abs(values[:3]) < 1e-6 * values[3])
     assert np.sqrt(values[3]) / (2 * np.pi) == pytest.approx(106.33, rel=1e-3)  # (4.730)^2 sqrt(EI/rho A) / 2 pi L^2
@@ -131,7 +132,7 @@ def test_bad_joints_get_a_sentence(change, words):
 
 
 def test_bad_matrices_get_a_sentence():
-    good = beam(0.1, 0.04, 0.005, elements=2, part="beam 1")
+    good = beam(Section(0.1, 0.04, 0.005, elements=2), part="beam 1")
     skew = np.array(good.stiffness)
     skew[0, 1] += 1e6
     for stiffness, words in ((skew, "not symmetric"), (-np.array(good.stiffness), "not positive")):
@@ -149,9 +150,9 @@ def test_bad_matrices_get_a_sentence():
 
 def test_bad_beams_and_damping_get_a_sentence():
     with pytest.raises(InputError, match=r"height = -0\.005"):
-        beam(0.5, 0.04, -0.005)
+        beam(Section(0.5, 0.04, -0.005))
     with pytest.raises(InputError, match="needs elements"):
-        beam(0.5, 0.04, 0.005, elements=0)
+        beam(Section(0.5, 0.04, 0.005, elements=0))
     for damping in (Damping(ratio=-0.1), Damping(ratio=float("nan")), Damping(mass_factor=float("inf"))):
         with pytest.raises(InputError, match="background damping"):
             modal_base(assemble(replace(model(), damping=damping)))
@@ -161,7 +162,7 @@ def test_bad_beams_and_damping_get_a_sentence():
 
 def test_a_load_beyond_small_displacements_is_told():
     """Node pairs that slide more than 5 % of their distance: the pairing is no longer that of the drawing."""
-    whole = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
+    whole = double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=2))
     fine, far = (snapback(whole, load, "beam 2:2:+Z", 1e-3, tolerance=0.1) for load in (20.0, 2e4))
     assert "large-slip" not in [finding.code for finding in fine.findings]
     (finding,) = [finding for finding in far.findings if finding.code == "large-slip"]
@@ -170,9 +171,9 @@ def test_a_load_beyond_small_displacements_is_told():
 
 
 def test_a_structure_that_nothing_holds_cannot_be_loaded_slowly():
-    free = beam(0.5, 0.04, 0.005, elements=2, clamped=(False, False), part="beam 1")
-    held = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
-    upper = beam(0.5, 0.04, 0.005, elements=2, clamped=(False, False), part="beam 2")
+    free = beam(Section(0.5, 0.04, 0.005, elements=2), clamped=(False, False), part="beam 1")
+    held = double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=2))
+    upper = beam(Section(0.5, 0.04, 0.005, elements=2), clamped=(False, False), part="beam 2")
     loose = replace(held, host=free, beam=upper)
     with pytest.raises(InputError, match="the structure is not held"):
         snapback(loose, 20.0, "beam 2:2:+Z", 1e-3)

@@ -7,6 +7,7 @@ import pytest
 
 from ema.data import Damping
 from ema.data.beam import Matrices
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import (
     Dahl,
@@ -26,7 +27,7 @@ NAN = float("nan")
 
 
 def model(law=None, force=500.0, **more):
-    return double_beam(law or Masing(0.3, 1e9), force, elements=2, **more)
+    return double_beam(law or Masing(0.3, 1e9), force, Section(0.5, 0.04, 0.005, elements=2), **more)
 
 
 def joint(**changes):
@@ -164,6 +165,12 @@ def check(order):
 
 
 def test_a_load_beyond_small_displacements_is_a_finding():
-    run = snapback(double_beam(Masing(0.3, 1e9), 100.0, elements=10), 4e3, "beam 2:10:+Z", 0.001, tolerance=0.1)
+    run = snapback(
+        double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=10)),
+        4e3,
+        "beam 2:10:+Z",
+        0.001,
+        tolerance=0.1,
+    )
     (finding,) = [finding for finding in run.findings if finding.code == "large-slip"]
     assert finding.value > finding.limit and finding.advice

@@ -5,6 +5,7 @@ import pytest
 
 from ema.data import Damping
 from ema.dof import Dof
+from ema.elements import Section
 from ema.errors import CancelledError
 from ema.simulate import Masing, double_beam, respond, transient
 from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
@@ -73,7 +74,7 @@ def pressing(t):
 
 def test_forces_made_block_by_block_are_the_same(monkeypatch):
     """Loads and normal forces of the steps of one sample at a time; the run can be stopped at each of them."""
-    model, tip = double_beam(Masing(0.3, 1e9), 4000.0, elements=4), "beam 2:4:+Z"
+    model, tip = double_beam(Masing(0.3, 1e9), 4000.0, Section(0.5, 0.04, 0.005, elements=4)), "beam 2:4:+Z"
     push = 60.0 * np.sin(700.0 * np.arange(61) / 5000.0)[None]
     whole = respond(model, push, [tip], 5000.0, [tip], normal_forces=pressing)
     monkeypatch.setattr(transient, "_BLOCK", 1)
@@ -90,7 +91,7 @@ def test_forces_made_block_by_block_are_the_same(monkeypatch):
 
 def test_strides_wait_for_the_end_of_a_pulse():
     """A half-sine pulse of 2 ms, then silence: the balance holds and the motion agrees with finer sampling."""
-    model = double_beam(Masing(0.3, 1e9), 4000.0, elements=6)
+    model = double_beam(Masing(0.3, 1e9), 4000.0, Section(0.5, 0.04, 0.005, elements=6))
     tip, rate = "beam 2:6:+Z", 5000.0
     times = np.arange(301) / rate
     push = np.where(times < 2e-3, 200.0 * np.sin(np.pi * times / 2e-3), 0.0)[None]

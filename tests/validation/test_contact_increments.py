@@ -20,6 +20,7 @@ from ema.contact import solve_kernels
 from ema.contact.call_kernels import EXCESS, FORCE, LIMIT, SLOPE, WAY
 from ema.contact.laws import compiled, contact_laws
 from ema.dof import Dof
+from ema.elements import Section
 from ema.simulate import (
     BoucWen,
     Coulomb,
@@ -258,7 +259,7 @@ def test_laws_of_several_kinds_side_by_side():
 def test_no_step_of_stiff_contacts_is_left_unsolved(stick_stiffness):
     """1000 steps of a release that sets all contacts sliding."""
     tip = "beam 2:10:+Z"
-    problem = prepare(double_beam(Coulomb(0.3, stick_stiffness), 1000.0, elements=10), [tip])
+    problem = prepare(double_beam(Coulomb(0.3, stick_stiffness), 1000.0, Section(0.5, 0.04, 0.005, elements=10)), [tip])
     state = released(problem, 20.0, Dof.parse(tip))
     run, stepper = integrate(problem, state, 1e-5, 10, 100, Drive(np.zeros(1)))
     assert stepper.residual <= 1e-12 and stepper.sweeps < 40

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ema.data import Damping
+from ema.elements import Section
 from ema.estimate import integrated
 from ema.show.vibration import amplitude_spectrum
 from ema.simulate import Masing, assemble, double_beam, snapback
@@ -21,7 +22,9 @@ ZETA = 0.001
 
 
 def double(damping=0.0):
-    return double_beam(Masing(0.3, 1e9), 6000.0, elements=6, damping=Damping(mass_factor=damping))
+    return double_beam(
+        Masing(0.3, 1e9), 6000.0, Section(0.5, 0.04, 0.005, elements=6), damping=Damping(mass_factor=damping)
+    )
 
 
 MODES = modal_base(assemble(double())).frequencies[:3] / (2 * np.pi)

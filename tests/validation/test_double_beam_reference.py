@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ema.data import Damping
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import (
     Iwan,
@@ -63,7 +64,7 @@ def test_fast_mode_keeps_its_stated_error(exact, force, tolerance):
 )
 def test_fast_mode_states_no_less_than_its_error(law, force):
     """Ten elements, from sliding to sticking: the true error is below the stated one, and that below a thousandth."""
-    model, tip = double_beam(law, force, elements=10), "beam 2:10:+Z"
+    model, tip = double_beam(law, force, Section(0.5, 0.04, 0.005, elements=10)), "beam 2:10:+Z"
     truth = snapback_reference(model, 20.0, tip, 0.05)
     fast = snapback(model, 20.0, tip, 0.05)
     true = np.abs(fast.displacements - truth.displacements).max() / np.abs(truth.displacements).max()
@@ -118,7 +119,7 @@ def masing_by_events(model, start, tip, times):
 
 def test_reference_mode_against_an_independent_high_order_solver():
     """Eq. (4), three elements: the tip agrees within a millionth of the initial deflection."""
-    model = double_beam(Masing(0.3, 2e7), 400.0, elements=3, normal_stiffness=1e6)
+    model = double_beam(Masing(0.3, 2e7), 400.0, Section(0.5, 0.04, 0.005, elements=3), normal_stiffness=1e6)
     tip = "beam 2:3:+Z"
     run = snapback_reference(model, 20.0, tip, 0.03, sampling_rate=5000.0)
     problem = prepare(model, [tip])
@@ -146,7 +147,7 @@ def test_modes_after_a_spring_changes_are_those_of_the_whole_matrix():
 
 
 def test_iwan_springs_in_both_modes():
-    model = double_beam(Iwan(0.3, 1e9, -0.5, 1.0, 6), 2000.0, elements=4)
+    model = double_beam(Iwan(0.3, 1e9, -0.5, 1.0, 6), 2000.0, Section(0.5, 0.04, 0.005, elements=4))
     tip = "beam 2:4:+Z"
     exact = snapback_reference(model, 20.0, tip, 0.05)
     fast = snapback(model, 20.0, tip, 0.05, tolerance=3e-4)
@@ -174,7 +175,9 @@ def test_reference_mode_of_many_springs_on_random_structures(law, seed):
 
 
 def test_mass_proportional_damping_in_both_modes():
-    model = double_beam(Masing(0.3, 1e9), 1500.0, elements=4, damping=Damping(mass_factor=6.0))
+    model = double_beam(
+        Masing(0.3, 1e9), 1500.0, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(mass_factor=6.0)
+    )
     tip = "beam 2:4:+Z"
     exact = snapback_reference(model, 20.0, tip, 0.1)
     fast = snapback(model, 20.0, tip, 0.1, tolerance=3e-4)
@@ -188,7 +191,7 @@ def test_smooth_law_against_an_independent_high_order_solver():
     The reference mode takes no smooth law; the fast mode reaches a millionth of the initial deflection, and says so.
     """
     law = RegularisedMasing(0.3, 2e7, 3)
-    model = double_beam(law, 400.0, elements=3, normal_stiffness=1e6, youngs_modulus=210e9)
+    model = double_beam(law, 400.0, Section(0.5, 0.04, 0.005, youngs_modulus=210e9, elements=3), normal_stiffness=1e6)
     tip = "beam 2:3:+Z"
     problem = prepare(model, [tip])
     start = released(problem, 20.0, problem.outputs[0])

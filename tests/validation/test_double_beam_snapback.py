@@ -10,6 +10,7 @@ import pytest
 from scipy.linalg import eigh
 
 from ema.data import Damping
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import (
     Coulomb,
@@ -302,7 +303,12 @@ def test_normal_forces_that_are_none(forces):
 def test_energy_balance_of_every_law(law):
     """With a normal force that rises and falls, so that the books of friction and projection are both needed."""
     run = snapback(
-        double_beam(law, 1500.0, elements=5), LOAD, "beam 2:5:+Z", 0.05, tolerance=0.1, normal_forces=pressing
+        double_beam(law, 1500.0, Section(0.5, 0.04, 0.005, elements=5)),
+        LOAD,
+        "beam 2:5:+Z",
+        0.05,
+        tolerance=0.1,
+        normal_forces=pressing,
     )
     assert run.energy.error <= 1e-6
     assert run.energy.friction[-1] > 0.05 * run.energy.total[0]

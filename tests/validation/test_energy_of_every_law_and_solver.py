@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ema.data import Damping, EnergyBalance
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import (
     BoucWen,
@@ -64,7 +65,7 @@ TIMES = np.arange(round(DURATION * RATE) + 1) / RATE
 
 
 def model(law):
-    return double_beam(LAWS[law](), 300.0, elements=2, damping=Damping(mass_factor=4.0))
+    return double_beam(LAWS[law](), 300.0, Section(0.5, 0.04, 0.005, elements=2), damping=Damping(mass_factor=4.0))
 
 
 def breathing(time):
@@ -108,7 +109,7 @@ def test_a_balance_that_does_not_close_is_a_finding():
 
 @pytest.mark.parametrize("law", LAWS)
 def test_energy_in_the_reference_mode(law):
-    free = double_beam(LAWS[law](), 300.0, elements=2)
+    free = double_beam(LAWS[law](), 300.0, Section(0.5, 0.04, 0.005, elements=2))
     if law not in PIECEWISE:
         with pytest.raises(InputError, match="Masing-type laws only"):
             snapback_reference(free, 20.0, TIP, DURATION)
@@ -121,7 +122,9 @@ def test_energy_in_the_reference_mode(law):
 @pytest.mark.parametrize("mass_factor", [0.0, 4.0, 60.0])
 def test_energy_of_the_reference_mode_with_damping_and_a_harmonic_load(law, mass_factor):
     """Loss to damping and work of the load are booked in closed form, phase by phase."""
-    held = double_beam(LAWS[law](), 300.0, elements=2, damping=Damping(mass_factor=mass_factor))
+    held = double_beam(
+        LAWS[law](), 300.0, Section(0.5, 0.04, 0.005, elements=2), damping=Damping(mass_factor=mass_factor)
+    )
     problem = prepare(held, [TIP])
     state = released(problem, 20.0, problem.outputs[0])
     for load in (None, Harmonic(10.0, 30.0, problem.outputs[0], 0.3)):

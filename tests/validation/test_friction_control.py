@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ema.data import Damping
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import Masing, controlled_snapback, double_beam, snapback
 from ema.simulate.control import Actuator, AmplitudeScheduled, BangBang, ReleasePulse, constant
@@ -111,7 +112,7 @@ def test_a_constant_controller_is_the_passive_joint():
 
 def test_the_step_is_chosen_and_the_error_is_stated():
     """Against a run with steps eight times shorter than the last that was tried; what chatters is told."""
-    model = double_beam(Masing(0.3, 1e9), 800.0, elements=6)
+    model = double_beam(Masing(0.3, 1e9), 800.0, Section(0.5, 0.04, 0.005, elements=6))
     tip, law = "beam 2:6:+Z", AmplitudeScheduled(2000.0, TURN)
     found = controlled_snapback(model, law, 20.0, tip, 0.1, Actuator(5e-4, 1e-3))
     finer = controlled_snapback(model, law, 20.0, tip, 0.1, Actuator(5e-4, 1e-3), step=found.step / 8, check=False)
@@ -132,7 +133,7 @@ def test_sampling_lag_and_limits_of_the_actuator():
         seen_at.append(seen.time)
         return 1e5 * seen.time
 
-    model = double_beam(Masing(0.3, 1e9), 50.0, elements=4)
+    model = double_beam(Masing(0.3, 1e9), 50.0, Section(0.5, 0.04, 0.005, elements=4))
     tip = "beam 2:4:+Z"
     for lag, samples in ((0.0, 0), (1e-3, 1), (2.4e-3, 3), (3e-3, 3)):
         seen_at.clear()
@@ -146,7 +147,7 @@ def test_sampling_lag_and_limits_of_the_actuator():
 
 
 def test_a_lag_below_the_sampling_time_acts():
-    model = double_beam(Masing(0.3, 1e9), 3000.0, elements=4)
+    model = double_beam(Masing(0.3, 1e9), 3000.0, Section(0.5, 0.04, 0.005, elements=4))
     ends = [
         controlled_snapback(
             model, lambda seen: 1000.0, 20.0, "beam 2:4:+Z", 2e-3, Actuator(2e-3, lag), step=1e-5, check=False
@@ -160,7 +161,7 @@ def test_a_lag_below_the_sampling_time_acts():
 
 def test_one_force_for_every_joint_and_a_law_that_remembers():
     """Two joints, root and tip half: the law may answer for each; one law object serves several runs alike."""
-    model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4)
+    model = double_beam(Masing(0.3, 1e9), 1000.0, Section(0.5, 0.04, 0.005, elements=4))
     whole = model.joints[0]
     halves = tuple(
         replace(whole, name=name, pairs=whole.pairs[part], area_shares=None)

@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
+from ema.elements import Section
 from ema.simulate import (
     BoucWen,
     Coulomb,
@@ -230,7 +231,7 @@ def test_no_loss_while_eq_4_sticks_and_a_small_one_of_eq_5(slip):
 @pytest.mark.parametrize("force", [1000.0, 3000.0])
 def test_power_balance_of_every_law(law, force):
     """Input = friction + damping within 1e-4 of the input, in every steady state of the double beam."""
-    model = double_beam(law, force, elements=6, damping=Damping(ratio=0.003))
+    model = double_beam(law, force, Section(0.5, 0.04, 0.005, elements=6), damping=Damping(ratio=0.003))
     found = frf(model, np.linspace(14, 34, 9), 1.0, "beam 2:6:+Z", ["beam 2:6:+Z"])
     assert found.converged.all()
     assert found.power_error <= 1e-4
@@ -244,7 +245,9 @@ def test_power_balance_of_every_law(law, force):
 def test_powers_that_rounding_makes_are_no_imbalance(law, force):
     """Friction so small beside what goes to and fro that it is below the residual: nothing is off that could be on."""
     tip = "beam 2:1:+Z"
-    response = frf(double_beam(law, 13.0, elements=1), np.array([11.0, 15.0]), force, tip, [tip])
+    response = frf(
+        double_beam(law, 13.0, Section(0.5, 0.04, 0.005, elements=1)), np.array([11.0, 15.0]), force, tip, [tip]
+    )
     assert response.converged.all()
     assert not [finding for finding in response.findings if finding.code == "power-balance"]
 
@@ -254,7 +257,9 @@ def test_the_error_of_a_given_number_of_harmonics(draw):
     """Against a solution of a tolerance of 0.001: orders 1 and 3 had been judged by the next ones alone."""
     rng = np.random.default_rng([29, draw])
     law = [Masing, Dahl, Iwan][draw % 3](0.3, 10 ** rng.uniform(8.5, 9.5))
-    model = double_beam(law, 100.0, elements=2, damping=Damping(ratio=10 ** rng.uniform(-3, -1.7)))
+    model = double_beam(
+        law, 100.0, Section(0.5, 0.04, 0.005, elements=2), damping=Damping(ratio=10 ** rng.uniform(-3, -1.7))
+    )
     tip, line, force = "beam 2:2:+Z", np.array([rng.uniform(8.0, 40.0)]), 30.0 * 10 ** rng.uniform(-2.0, -0.8)
     best = frf(model, line, force, tip, [tip], HarmonicBalance(1e-3))
     for highest in (1, 3, 7):

@@ -13,7 +13,7 @@ from ema.contact.call_kernels import CROSS, EXCESS, FORCE, LIMIT, SLOPE, WAY
 from ema.contact.laws import Couplings, compiled, contact_laws
 from ema.data import BeamModel, Joint, Matrices
 from ema.dof import Dof
-from ema.elements import plate_matrices
+from ema.elements import Plate, Section, plate_matrices
 from ema.errors import InputError
 from ema.simulate import (
     BoucWen,
@@ -248,7 +248,7 @@ def test_laws_without_isotropic_form_say_so():
 
 def strip(law, directions, elements=6):
     lower, upper = (
-        plate_matrices(0.5, 0.04, 0.005, poisson=0.0, elements=(elements, 1), part=f"plate {number}")
+        plate_matrices(Plate(0.5, 0.04, 0.005, poisson=0.0, elements=(elements, 1)), part=f"plate {number}")
         for number in (1, 2)
     )
     pairs = tuple((node, node) for node in range(2, 2 * (elements + 1)))
@@ -259,10 +259,10 @@ def strip(law, directions, elements=6):
 
 def test_a_strip_without_lateral_contraction_is_a_beam():
     law = Masing(MU, 1e9, isotropic=False)
-    plate, beam = strip(law, ("X", "Y")), double_beam(law, 1000.0, elements=6)
+    plate, beam = strip(law, ("X", "Y")), double_beam(law, 1000.0, Section(0.5, 0.04, 0.005, elements=6))
     along = modal_base(assemble(strip(law, ("X",)))).frequencies[0]
     assert along == pytest.approx(modal_base(assemble(beam)).frequencies[0], rel=0.01)
-    flat = plate_matrices(0.5, 0.04, 0.005, poisson=0.0, elements=(12, 1))
+    flat = plate_matrices(Plate(0.5, 0.04, 0.005, poisson=0.0, elements=(12, 1)))
     first = np.sqrt(eigh(flat.stiffness, flat.mass, eigvals_only=True)[0]) / (2 * np.pi)
     assert first == pytest.approx(16.710, rel=0.01)
     # the same load, shared by both corners of the free edge, against the tip of the beam: same decay
@@ -277,9 +277,9 @@ def test_a_strip_without_lateral_contraction_is_a_beam():
 
 def test_bad_plates_get_a_sentence():
     with pytest.raises(InputError, match="height = 0"):
-        plate_matrices(0.5, 0.04, 0.0)
+        plate_matrices(Plate(0.5, 0.04, 0.0))
     with pytest.raises(InputError, match=r"nu 0\.5"):
-        plate_matrices(0.5, 0.04, 0.005, poisson=0.5)
+        plate_matrices(Plate(0.5, 0.04, 0.005, poisson=0.5))
 
 
 def test_free_square_plate_converges_to_kirchhoff():
@@ -287,7 +287,7 @@ def test_free_square_plate_converges_to_kirchhoff():
     expected = np.array([13.468, 19.596, 24.270, 34.801])
     values = {}
     for count in (6, 9):
-        flat = plate_matrices(1.0, 1.0, 0.001, elements=(count, count), clamped=False)
+        flat = plate_matrices(Plate(1.0, 1.0, 0.001, elements=(count, count)), clamped=False)
         bend = [k for k, dof in enumerate(flat.dofs) if dof.axis not in ("X", "Y")]
         squares = eigh(flat.stiffness[np.ix_(bend, bend)], flat.mass[np.ix_(bend, bend)], eigvals_only=True)
         rigidity = 210e9 * 0.001**3 / (12 * (1 - 0.09))
@@ -302,7 +302,7 @@ def two_plates(law, normal_force=200.0):
     side, count = 0.2, 2
     parts = []
     for number in (1, 2):
-        free = plate_matrices(side, side, 0.005, elements=(count, count), clamped=False, part=f"plate {number}")
+        free = plate_matrices(Plate(side, side, 0.005, elements=(count, count)), clamped=False, part=f"plate {number}")
         stiffness = np.array(free.stiffness)
         for place, dof in enumerate(free.dofs):
             if dof.node in (0, 2, 6, 8) and dof.axis in ("X", "Y", "Z"):

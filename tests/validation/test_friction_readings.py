@@ -170,8 +170,10 @@ def impacts(model: BeamModel, level: float) -> tuple[list[float], list[FrfSet]]:
     ]
     assert len(cut) >= 9
     condition = Condition(drive.excitation)
-    single = [ema.estimate.hammer(Run("impact", condition, (one,)), block=4096) for one in cut]
-    every = ema.estimate.hammer(Run("impacts", condition, tuple(cut)), block=4096)
+    single = [
+        ema.estimate.hammer(Run("impact", condition, (one,)), ema.estimate.HammerSettings(block=4096)) for one in cut
+    ]
+    every = ema.estimate.hammer(Run("impacts", condition, tuple(cut)), ema.estimate.HammerSettings(block=4096))
     peaks = [np.pi / 2 / CONTACT * float(one.signals[0].sum()) / record.sampling_rate for one in cut]
     mean = np.mean([one.values for one in single], axis=0)
     return peaks, [every, replace(every, values=mean, variance=None, coherence=None)]
@@ -236,7 +238,9 @@ def test_the_window_of_a_hammer_test_is_taken_off_the_damping(duration, end):
     drive = RovingHammer((AT,), hits=3, peak=500.0, contact_time=0.4e-3, spacing=max(1.3 * duration, 0.9))
     rig = VirtualRig(model, drive, ACC, 8192.0, noise={"acceleration": 0.05, "force": 0.02}, seed=2)
     run = Run("hammer", Condition(rig.drive.excitation), (rig.take(0),))
-    frfs = ema.estimate.hammer(run, block=round(duration * 8192), decay=-np.log(end) / duration)
+    frfs = ema.estimate.hammer(
+        run, ema.estimate.HammerSettings(block=round(duration * 8192), decay=-np.log(end) / duration)
+    )
     assert ema.fit.local_fit(frfs.band(400, 600), F0).damping_ratio == pytest.approx(ZETA, rel=0.005)
 
 

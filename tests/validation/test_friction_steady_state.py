@@ -9,6 +9,7 @@ import pytest
 
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import (
     Coulomb,
@@ -112,8 +113,20 @@ def test_homogeneity_of_steady_states():
         (Masing(0.3, 1e9), np.linspace(16.0, 17.5, 6), True),
         (LuGre(0.3, 1e9, 0.0, 0.0, 1.5, 1e-4), np.array([16.6]), False),
     ):
-        one = frf(double_beam(law, 30.0, elements=2), frequencies, 1.0, "beam 2:2:+Z", ["beam 2:2:+Z"])
-        two = frf(double_beam(law, 60.0, elements=2), frequencies, 2.0, "beam 2:2:+Z", ["beam 2:2:+Z"])
+        one = frf(
+            double_beam(law, 30.0, Section(0.5, 0.04, 0.005, elements=2)),
+            frequencies,
+            1.0,
+            "beam 2:2:+Z",
+            ["beam 2:2:+Z"],
+        )
+        two = frf(
+            double_beam(law, 60.0, Section(0.5, 0.04, 0.005, elements=2)),
+            frequencies,
+            2.0,
+            "beam 2:2:+Z",
+            ["beam 2:2:+Z"],
+        )
         difference = np.abs(two.values[:, 0, 0] - 2 * one.values[:, 0, 0]).max() / np.abs(two.values[:, 0, 0]).max()
         assert (difference < 1e-6) == same
 
@@ -138,7 +151,9 @@ def steady(condensed, point):
 def test_peaks_against_the_reference_mode(ratio):
     """From well below to well above the optimum (about 250): the exact solver, started on the harmonic solution, stays."""
     tip = "beam 2:6:+Z"
-    model = double_beam(Masing(0.3, 1e9), ratio, elements=6, damping=Damping(mass_factor=2.0))
+    model = double_beam(
+        Masing(0.3, 1e9), ratio, Section(0.5, 0.04, 0.005, elements=6), damping=Damping(mass_factor=2.0)
+    )
     peak = resonance(model, 1.0, tip, tip, (14.0, 34.0))
     condensed = condense(model, 1.0, tip, [tip], 5e-3, None)
     point = condensed.solve(peak.frequency)
@@ -187,7 +202,7 @@ def test_stated_errors_hold():
         model = double_beam(
             laws[number % 4],
             float(np.exp(generator.uniform(np.log(20), np.log(2000)))),
-            elements=(4, 6)[number % 2],
+            Section(0.5, 0.04, 0.005, elements=(4, 6)[number % 2]),
             damping=(Damping(ratio=0.02), Damping(ratio=0.003), Damping(mass_factor=2.0))[number % 3],
         )
         stated, true, _ = errors(model, (4, 6)[number % 2], float(generator.uniform(14, 34)))
@@ -205,7 +220,7 @@ def test_stated_errors_hold():
 )
 def test_chance_agreements_do_not_end_the_search(elements, force, frequency, damping, tolerance):
     """With 3 to 9 harmonics the next ones happen to change little here, and the result is off by a percent."""
-    model = double_beam(Masing(0.3, 1e9), force, elements=elements, damping=damping)
+    model = double_beam(Masing(0.3, 1e9), force, Section(0.5, 0.04, 0.005, elements=elements), damping=damping)
     stated, true, count = errors(model, elements, frequency, tolerance, 60)
     assert true <= stated
     assert true <= 5e-3
@@ -217,7 +232,9 @@ def test_cold_starts_need_no_guess():
     generator = np.random.default_rng(7)
     failed = []
     for ratio in np.geomspace(0.1, 1e4, 16):
-        model = double_beam(Masing(0.3, 1e9), float(ratio), elements=6, damping=Damping(ratio=0.003))
+        model = double_beam(
+            Masing(0.3, 1e9), float(ratio), Section(0.5, 0.04, 0.005, elements=6), damping=Damping(ratio=0.003)
+        )
         condensed = condense(model, 1.0, "beam 2:6:+Z", ["beam 2:6:+Z"], 5e-2, None)
         for frequency in generator.uniform(10, 40, 6):
             if condensed.solve(float(frequency)) is None:
@@ -242,7 +259,7 @@ EVERY_LAW = [
 @pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: f"{law.name} {law.parameters[:1]}")
 def test_every_law_balances_its_power(law, force):
     frequencies = np.linspace(15, 33, 7)
-    model = double_beam(law, force, elements=6, damping=Damping(ratio=0.003))
+    model = double_beam(law, force, Section(0.5, 0.04, 0.005, elements=6), damping=Damping(ratio=0.003))
     found = frf(model, frequencies, 1.0, "beam 2:6:+Z", ["beam 2:6:+Z"])
     assert found.converged.all()
     assert found.power_error <= 1e-4
@@ -251,7 +268,7 @@ def test_every_law_balances_its_power(law, force):
 
 def test_map_has_a_ridge_that_follows_the_force():
     tip = "beam 2:4:+Z"
-    model = double_beam(Masing(0.3, 1e9), 100.0, elements=4, damping=Damping(ratio=0.003))
+    model = double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(ratio=0.003))
     levels, forces = np.array([1.0, 2.0, 4.0]), np.array([50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 6400.0])
     chart = damping_map(model, levels, forces, tip, tip, (14.0, 34.0))
     assert chart.method == "frozen"
@@ -280,7 +297,12 @@ def test_the_higher_one_of_two_summits_is_found(ratio):
 
 def test_levels_between_are_interpolated_within_the_tolerance():
     tip = "beam 2:4:+Z"
-    model = double_beam(Masing(0.3, 1e9, stiffness_exponent=0.5), 100.0, elements=4, damping=Damping(mass_factor=1.0))
+    model = double_beam(
+        Masing(0.3, 1e9, stiffness_exponent=0.5),
+        100.0,
+        Section(0.5, 0.04, 0.005, elements=4),
+        damping=Damping(mass_factor=1.0),
+    )
     levels = np.geomspace(0.1, 10.0, 25)
     chart = damping_map(model, levels[::-1], [200.0], tip, tip, (10.0, 36.0))
     for row in (1, 6, 12, 18, 23):
@@ -293,14 +315,14 @@ def test_levels_between_are_interpolated_within_the_tolerance():
 
 def test_resonances_fall_from_stuck_to_sliding():
     tip = "beam 2:4:+Z"
-    model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4, damping=Damping(ratio=0.003))
+    model = double_beam(Masing(0.3, 1e9), 1000.0, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(ratio=0.003))
     points = resonances(model, [0.1, 2.0, 60.0], tip, tip, (14.0, 34.0))
     assert points[0].frequency > 1.7 * points[2].frequency
     assert points[1].damping > 3 * max(points[0].damping, points[2].damping)
 
 
 def test_bad_numbers_get_a_sentence():
-    model = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
+    model = double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=2))
     tip = "beam 2:2:+Z"
     with pytest.raises(InputError, match="force = -1"):
         frf(model, np.array([10.0]), -1.0, tip, [tip])
@@ -315,7 +337,7 @@ def test_rigid_friction_ends_and_says_where_it_found_nothing():
     tip = "beam 2:6:+Z"
     frequencies = np.array([15.0, 20.0, 30.0])
     for law, most_lost in ((Coulomb(0.3, 4e9), 0), (Coulomb(0.3, 1e11), 0), (Coulomb(0.3), 2)):
-        model = double_beam(law, 300.0, elements=6, damping=Damping(ratio=0.003))
+        model = double_beam(law, 300.0, Section(0.5, 0.04, 0.005, elements=6), damping=Damping(ratio=0.003))
         found = frf(model, frequencies, 1.0, tip, [tip])
         assert (~found.converged).sum() <= most_lost
         assert found.power_error <= 1e-4
@@ -325,7 +347,7 @@ def test_rigid_friction_ends_and_says_where_it_found_nothing():
 def test_a_point_without_solution_ends_and_names_the_time_solver(monkeypatch):
     """Newton runs that all fail, each for the least that a run can spend, one evaluation: 400 of them are the budget."""
     tip, counted = "beam 2:4:+Z", []
-    model = double_beam(Masing(0.3, 1e9), 300.0, elements=4, damping=Damping(ratio=0.003))
+    model = double_beam(Masing(0.3, 1e9), 300.0, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(ratio=0.003))
 
     def fails(self, omega, start, gains, level, most):
         counted.append(level)
@@ -341,7 +363,7 @@ def test_a_point_without_solution_ends_and_names_the_time_solver(monkeypatch):
 
 
 def test_no_harmonics_are_refused():
-    model = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
+    model = double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=2))
     with pytest.raises(InputError, match=r"not a harmonic.*0"):
         frf(model, np.array([10.0]), 1.0, "beam 2:2:+Z", ["beam 2:2:+Z"], settings=HarmonicBalance(harmonics=0))
 
@@ -349,7 +371,7 @@ def test_no_harmonics_are_refused():
 def test_settings_are_still_taken_as_keywords_with_a_warning():
     """Calls of the release before give what they gave; a word that is no setting is refused as ever."""
     tip, frequencies = "beam 2:2:+Z", np.array([12.0, 20.0])
-    model = double_beam(Masing(0.3, 1e9), 100.0, elements=2)
+    model = double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=2))
     call = model, frequencies, 1.0, tip, [tip]
     present = frf(*call, HarmonicBalance(1e-2, harmonics=5))
     with pytest.warns(DeprecationWarning, match=r"HarmonicBalance\(harmonics=5, tolerance=0.01\)"):

@@ -12,6 +12,7 @@ import pytest
 
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import (
     Coulomb,
@@ -48,7 +49,7 @@ def test_friction_acts_on_the_structure_as_minus_its_incidence_times_the_force()
     forces would drive the beams: the residual would be twice the friction force.
     """
     tip = "beam 2:3:+Z"
-    model = double_beam(Masing(MU, 2e7), 400.0, elements=3, normal_stiffness=1e6)
+    model = double_beam(Masing(MU, 2e7), 400.0, Section(0.5, 0.04, 0.005, elements=3), normal_stiffness=1e6)
     system = assemble(model)
     every = [str(dof) for dof in system.dofs]
     run = snapback(model, 20.0, tip, 2e-3, outputs=every, sampling_rate=1e6, tolerance=1e-4)
@@ -91,7 +92,7 @@ def test_high_waves_of_the_release_keep_their_energy():
     A damped integrator (backward Euler, HHT, generalised alpha) loses most of what is above a quarter of the sampling
     rate, and shows it in the energy balance of a snap-back.
     """
-    model = double_beam(Masing(MU, 1e9), 1e6, elements=8)
+    model = double_beam(Masing(MU, 1e9), 1e6, Section(0.5, 0.04, 0.005, elements=8))
     problem = prepare(model, ["beam 2:8:+Z"])
     start = released(problem, 20.0, problem.outputs[0])
     times = np.arange(51) / 2500.0
@@ -126,7 +127,7 @@ def scaled_is_scaled(model, tip):
 
 @pytest.mark.parametrize("law", HOMOGENEOUS, ids=lambda law: law.name)
 def test_homogeneity_where_it_holds(law):
-    model = double_beam(law, 30.0, elements=2, damping=Damping(ratio=0.003))
+    model = double_beam(law, 30.0, Section(0.5, 0.04, 0.005, elements=2), damping=Damping(ratio=0.003))
     assert homogeneous(model)
     assert scaled_is_scaled(model, "beam 2:2:+Z")
 
@@ -141,13 +142,13 @@ def test_homogeneity_where_it_holds(law):
     ids=lambda law: law.name,
 )
 def test_no_homogeneity_where_it_does_not_hold(law):
-    model = double_beam(law, 30.0, elements=2, damping=Damping(ratio=0.003))
+    model = double_beam(law, 30.0, Section(0.5, 0.04, 0.005, elements=2), damping=Damping(ratio=0.003))
     assert not homogeneous(model)
     assert not scaled_is_scaled(model, "beam 2:2:+Z")
 
 
 def test_other_things_that_break_homogeneity():
-    model = double_beam(Masing(MU, 1e9), 30.0, elements=2)
+    model = double_beam(Masing(MU, 1e9), 30.0, Section(0.5, 0.04, 0.005, elements=2))
     assert homogeneous(model)
     assert not homogeneous(model.with_normal_contact(Unilateral()))
     joint = model.joints[0]
@@ -158,7 +159,12 @@ def test_other_things_that_break_homogeneity():
 def test_a_map_is_not_shortened_where_homogeneity_does_not_hold():
     """k_T grows with F_N: every place of the map is that of its own resonance."""
     tip, band = "beam 2:2:+Z", (14.0, 34.0)
-    model = double_beam(Masing(MU, 1e9, stiffness_exponent=0.5), 100.0, elements=2, damping=Damping(ratio=0.003))
+    model = double_beam(
+        Masing(MU, 1e9, stiffness_exponent=0.5),
+        100.0,
+        Section(0.5, 0.04, 0.005, elements=2),
+        damping=Damping(ratio=0.003),
+    )
     levels, forces = [1.0, 2.0], [50.0, 100.0]
     chart = damping_map(model, levels, forces, tip, tip, band)
     for row, level in enumerate(levels):
@@ -174,7 +180,14 @@ def test_a_map_is_not_shortened_where_homogeneity_does_not_hold():
 def test_a_map_refuses_normal_forces_that_are_none(law, force):
     tip = "beam 2:2:+Z"
     with pytest.raises(InputError, match="not a normal force"):
-        damping_map(double_beam(law, 100.0, elements=2), [1.0, 2.0], [100.0, force], tip, tip, (14.0, 34.0))
+        damping_map(
+            double_beam(law, 100.0, Section(0.5, 0.04, 0.005, elements=2)),
+            [1.0, 2.0],
+            [100.0, force],
+            tip,
+            tip,
+            (14.0, 34.0),
+        )
 
 
 def test_superharmonics_that_meet_the_second_mode_need_many_harmonics():
@@ -184,7 +197,7 @@ def test_superharmonics_that_meet_the_second_mode_need_many_harmonics():
     decided point by point: the result lies within the error that is stated, and within 1 %.
     """
     tip, frequencies = "beam 2:6:+Z", np.linspace(19.0, 23.0, 5)
-    model = double_beam(Masing(MU, 1e9), 300.0, elements=6, damping=Damping(ratio=0.003))
+    model = double_beam(Masing(MU, 1e9), 300.0, Section(0.5, 0.04, 0.005, elements=6), damping=Damping(ratio=0.003))
 
     def heights(**options):
         found = frf(model, frequencies, 1.0, tip, [tip], HarmonicBalance(**options))
@@ -209,7 +222,7 @@ def test_the_frozen_stress_of_stuck_contacts_is_none_when_nothing_pressed_them_b
     same excitation ends with up to a quarter of the slip force frozen in, and the same amplitude at the tip.
     """
     tip, frequency = "beam 2:4:+Z", 31.0
-    model = double_beam(Masing(MU, 1e9), 2000.0, elements=4, damping=Damping(ratio=0.02))
+    model = double_beam(Masing(MU, 1e9), 2000.0, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(ratio=0.02))
     rate = 128 * frequency
     times = np.arange(round(1.2 * rate) + 1) / rate
     push = np.interp(times, [0, 0.05, 0.1], [0, 30.0, 0])
@@ -254,11 +267,11 @@ def test_contacts_far_stiffer_than_the_beams_find_their_static_state(law, elemen
     """
     tip, deflections = f"beam 2:{elements}:+Z", []
     for stiffness in (1e11, 1e13):
-        problem = prepare(double_beam(law(MU, stiffness), force, elements=elements), [tip])
+        problem = prepare(double_beam(law(MU, stiffness), force, Section(0.5, 0.04, 0.005, elements=elements)), [tip])
         start = released(problem, 20.0, problem.outputs[0])
         assert np.all(np.abs(start.f) <= problem.system.contacts.limits * (1 + 1e-9))
         deflections.append(float(problem.base.row(problem.system, tip) @ start.q))
-    problem = prepare(double_beam(Masing(MU, 1e13), force, elements=elements), [tip])
+    problem = prepare(double_beam(Masing(MU, 1e13), force, Section(0.5, 0.04, 0.005, elements=elements)), [tip])
     rigid = float(problem.base.row(problem.system, tip) @ released(problem, 20.0, problem.outputs[0]).q)
     assert deflections[1] == pytest.approx(rigid, rel=1e-3)
     assert deflections[0] == pytest.approx(rigid, rel=1e-2)

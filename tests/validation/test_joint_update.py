@@ -16,6 +16,7 @@ from ema.compare import fitting
 from ema.compare.fitting import sound_slopes
 from ema.data import Channel, Condition, Damping, Excitation, JointForce, Run
 from ema.dof import Dof
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import FrictionRig, Iwan, Masing, RovingHammer, damping_map, double_beam, maps
 from tests.bench.joint_maps import ON as DRIVEN
@@ -32,7 +33,7 @@ FREE = ("friction_coefficient", "contact_stiffness", "stiffness_exponent")
 
 
 def model(law=LAW, force=300.0):
-    return double_beam(law, force, elements=2, damping=Damping(ratio=0.006))
+    return double_beam(law, force, Section(0.5, 0.04, 0.005, elements=2), damping=Damping(ratio=0.006))
 
 
 def noisy(chart, rng):

@@ -10,6 +10,7 @@ from scipy.optimize import brentq, root
 
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import (
     BoucWen,
@@ -199,7 +200,7 @@ def test_damping_that_couples_modes():
 
 def test_errors_hold_against_many_more_harmonics():
     """The double beam over three decades: frequency, damping and power against a tolerance ten times smaller."""
-    model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4, damping=Damping(ratio=0.003))
+    model = double_beam(Masing(0.3, 1e9), 1000.0, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(ratio=0.003))
     levels = np.geomspace(3e-5, 3e-2, 5)
     mode = backbone(model, levels, near=31.0, outputs=["beam 2:4:+Z"], tolerance=1e-2)
     fine = backbone(model, levels, near=31.0, outputs=["beam 2:4:+Z"], tolerance=1e-3)
@@ -211,15 +212,15 @@ def test_errors_hold_against_many_more_harmonics():
 
 
 def test_contacts_without_normal_force_slide_from_the_start():
-    model = double_beam(Masing(0.3, 1e9), 0.0, elements=4, damping=Damping(ratio=0.003))
+    model = double_beam(Masing(0.3, 1e9), 0.0, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(ratio=0.003))
     mode = backbone(model, [1e-6, 1e-2], near=16.0, outputs=["beam 2:4:+Z"])
-    single = double_beam(Masing(0.3, 1e-3), 1e9, elements=4, damping=Damping(ratio=0.003))
+    single = double_beam(Masing(0.3, 1e-3), 1e9, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(ratio=0.003))
     free = backbone(single, [1e-6], near=16.0, outputs=["beam 2:4:+Z"])
     np.testing.assert_allclose(mode.frequencies, free.frequencies[0], rtol=1e-6)
 
 
 def test_levels_in_any_order():
-    model = double_beam(Masing(0.3, 1e9), 500.0, elements=2, damping=Damping(ratio=0.003))
+    model = double_beam(Masing(0.3, 1e9), 500.0, Section(0.5, 0.04, 0.005, elements=2), damping=Damping(ratio=0.003))
     levels = [3e-4, 1e-4]
     there, back = (backbone(model, each, near=30.0, outputs=["beam 2:2:+Z"]) for each in (levels, levels[::-1]))
     np.testing.assert_allclose(there.frequencies, back.frequencies[::-1], rtol=1e-3)
@@ -239,4 +240,4 @@ def test_levels_in_any_order():
 def test_bad_input_is_one_sentence(change, words):
     arguments = {"amplitudes": [1e-3], "near": 30.0, "outputs": ["beam 2:2:+Z"]} | change
     with pytest.raises(InputError, match=words):
-        backbone(double_beam(Masing(0.3, 1e9), 100.0, elements=2), **arguments)
+        backbone(double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=2)), **arguments)

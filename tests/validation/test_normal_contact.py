@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from ema.data import BeamModel, Damping, Joint, Matrices, NormalContact
 from ema.dof import Dof
-from ema.elements import beam
+from ema.elements import Section, beam
 from ema.errors import InputError
 from ema.simulate import (
     ContactCurve,
@@ -33,9 +33,11 @@ LAW = Masing(0.3, 1e9)
 
 def pressed(contact, force=1000.0, upper_clamped=True, shares=None, stiffness=1e9, elements=10):
     """The double beam; or with an upper beam that nothing holds but the lower one."""
-    model = double_beam(LAW, force, elements=elements, normal_stiffness=stiffness).with_normal_contact(contact)
+    model = double_beam(
+        LAW, force, Section(0.5, 0.04, 0.005, elements=elements), normal_stiffness=stiffness
+    ).with_normal_contact(contact)
     if not upper_clamped:
-        free = beam(0.5, 0.04, 0.005, elements=elements, clamped=(False, False), part="beam 2")
+        free = beam(Section(0.5, 0.04, 0.005, elements=elements), clamped=(False, False), part="beam 2")
         joint = replace(model.joints[0], half_heights=(0.0025, 0.0025))
         model = replace(model, beam=free, joints=(joint,))
     if shares is not None:
@@ -51,7 +53,8 @@ def test_power_law_indents_as_its_closed_form(exponent, slope):
     for force in (0.1, 0.4, 1.6):
         # short pieces, rigid against these springs
         lower, upper = (
-            beam(0.01, 0.04, 0.01, elements=1, clamped=(number == 1, False), part=f"b{number}") for number in (1, 2)
+            beam(Section(0.01, 0.04, 0.01, elements=1), clamped=(number == 1, False), part=f"b{number}")
+            for number in (1, 2)
         )
         joint = Joint(
             "J", ((1, 0), (1, 1)), (0.0, 0.0), LAW, force, stiffness, normal_contact=PowerContact(exponent, reference)
@@ -234,7 +237,7 @@ TIP = "beam 2:10:+Z"
 def test_closed_contact_is_the_linear_spring_of_before(law):
     """While no pair parts and no slip force matters, a unilateral spring is the bilateral one, stiff or soft."""
     for stiffness in (1e8, 1e10):
-        model = double_beam(law, 1e5, elements=6, normal_stiffness=stiffness)
+        model = double_beam(law, 1e5, Section(0.5, 0.04, 0.005, elements=6), normal_stiffness=stiffness)
         before = snapback(model, 20.0, "beam 2:6:+Z", 0.01)
         after = snapback(model.with_normal_contact(Unilateral()), 20.0, "beam 2:6:+Z", 0.01)
         np.testing.assert_allclose(
@@ -245,7 +248,7 @@ def test_closed_contact_is_the_linear_spring_of_before(law):
 
 @pytest.mark.parametrize("law", [LAW, Iwan(0.3, 1e9, springs=8), RegularisedMasing(0.3, 1e9), Coulomb(0.3)])
 def test_energy_balance_with_lift_off(law):
-    model = double_beam(law, 100.0, elements=6).with_normal_contact(Unilateral())
+    model = double_beam(law, 100.0, Section(0.5, 0.04, 0.005, elements=6)).with_normal_contact(Unilateral())
     found = snapback(model, 20.0, "beam 2:6:+Z", 0.01, tolerance=1e-2)
     assert found.energy.error <= 1e-6
     assert "lift-off" in [finding.code for finding in found.findings]
@@ -259,7 +262,9 @@ def test_energy_balance_with_lift_off(law):
 def test_lift_off_where_expected_and_not_otherwise():
     heavy, light = (
         snapback(
-            double_beam(LAW, force, elements=6, normal_stiffness=1e8).with_normal_contact(Unilateral()),
+            double_beam(LAW, force, Section(0.5, 0.04, 0.005, elements=6), normal_stiffness=1e8).with_normal_contact(
+                Unilateral()
+            ),
             20.0,
             "beam 2:6:+Z",
             0.02,
@@ -272,7 +277,9 @@ def test_lift_off_where_expected_and_not_otherwise():
     # the load pulls the upper beam off at its tip: there the gap is widest
     assert np.argmax(light.pressure.widest_gap) == 5
     # a linear spring holds on, and says that it does
-    bound = snapback(double_beam(LAW, 50.0, elements=6, normal_stiffness=1e8), 20.0, "beam 2:6:+Z", 0.02)
+    bound = snapback(
+        double_beam(LAW, 50.0, Section(0.5, 0.04, 0.005, elements=6), normal_stiffness=1e8), 20.0, "beam 2:6:+Z", 0.02
+    )
     assert [f.code for f in bound.findings] == ["tension"] and bound.pressure.least.min() < 0
 
 

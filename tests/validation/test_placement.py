@@ -17,10 +17,10 @@ from ema import place, shapes, simulate
 from ema.data import FrictionLaw, Geometry, ModalMap, ModalModel, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.datasets import work_table
-from ema.datasets.free_plate import free_plate
+from ema.datasets.free_plate import BendingStiffness, free_plate
 from ema.dof import Dof
+from ema.place import predict
 from ema.place.objective import scores
-from ema.place.task import predicted
 
 LENGTH, WIDTH = 0.9, 0.5
 BEAM = FrictionBeam(0.30, 0.06, 0.05, overhang=0.02, name="steel 60 x 50")
@@ -35,7 +35,7 @@ class Table:
     """The exact table, and what a test of it tells."""
 
     def __init__(self) -> None:
-        plate = free_plate(LENGTH, WIDTH, 130.0, 4.87e6, 1.5, 1.5, 0.26, modes=13)
+        plate = free_plate(LENGTH, WIDTH, 130.0, BendingStiffness(4.87e6, 1.5, 1.5, 0.26), modes=13)
         elastic = plate.natural_frequencies * 499 / plate.natural_frequencies[0]
         elastic[:4] = 499, 760, 1000, 1400
         rigid = np.zeros((81, 3))
@@ -135,21 +135,21 @@ def pool():
 def brute(table, pool):
     """All places and what the exact table achieves there."""
     here, task = spots(6, 3), table.truth((0, 2))
-    found = place.verify(task, predicted(task, here), np.arange(len(here)), pool)
+    found = place.verify(task, predict(task, here), np.arange(len(here)), pool)
     return here, judged(found)
 
 
 @pytest.fixture(scope="module")
 def checked(table, brute, pool, tmp_path_factory):
     """All places with all measured modes together; the finished places are kept for the two-stage search."""
-    folder = tmp_path_factory.mktemp("checked")
+    kept = place.KeptPlaces(tmp_path_factory.mktemp("checked"), resume=True)
     task = table.measured((0, 2), NOISE / 2, 2)
-    return task, place.verify(task, predicted(task, brute[0]), np.arange(len(brute[0])), pool, folder), folder
+    return task, place.verify(task, predict(task, brute[0]), np.arange(len(brute[0])), pool, kept), kept
 
 
 def test_one_mode_predictor_ranks_the_places_of_mode_1(table, brute):
     here, truth = brute
-    found = [figures(truth[0], judged(predicted(table.measured((0, 2), NOISE, seed), here))[0]) for seed in (1, 2, 3)]
+    found = [figures(truth[0], judged(predict(table.measured((0, 2), NOISE, seed), here))[0]) for seed in (1, 2, 3)]
     print("one mode, 10 % noise (Spearman, regret, regret of five):", np.round(found, 3).tolist())
     assert min(rank for rank, _, _ in found) >= 0.90
     assert max(regret for _, regret, _ in found) <= 0.10
@@ -179,7 +179,7 @@ def test_all_modes_together_rank_most_draws_at_10_percent_noise(table, brute, po
     found = []
     for seed in (1, 2, 3):
         task = table.measured((0, 2), NOISE, seed)
-        told = judged(place.verify(task, predicted(task, here), np.arange(len(here)), pool))
+        told = judged(place.verify(task, predict(task, here), np.arange(len(here)), pool))
         found.append([figures(left, right) for left, right in zip(truth, told)])
     print("all modes, 10 % noise, three draws:", np.round(found, 3).tolist())
     rank, regret, _ = np.moveaxis(np.array(found), 2, 0)
@@ -192,19 +192,21 @@ def test_rigid_body_motion_counts(table, brute, pool):
     here, truth = brute
     bare = table.model(MEASURED, table.values[:, MEASURED])
     task = place.Task(bare, shapes.smooth(bare, table.geometry), JOINT, table.dofs[-1], LEVELS, FORCES, (0, 2))
-    told = judged(place.verify(task, predicted(task, here), np.arange(len(here)), pool))
+    told = judged(place.verify(task, predict(task, here), np.arange(len(here)), pool))
     without = figures(truth[1], told[1])
     task = table.measured((0, 2), 0.0, 1)
-    told = judged(place.verify(task, predicted(task, here), np.arange(len(here)), pool))
+    told = judged(place.verify(task, predict(task, here), np.arange(len(here)), pool))
     assert figures(truth[1], told[1])[0] >= 0.99 and without[0] < 0.96
 
 
 @pytest.mark.parametrize("aim", ["damping", "least damping", "geometric mean"])
 def test_two_stages_end_where_the_full_search_ends(brute, checked, aim):
-    task, every, folder = checked
+    task, every, kept = checked
     wanted = place.Objective(aim)
     full = scores(every, wanted).max()
-    ranking = place.search(task, brute[0], wanted, shortlist=8, keep=3, draws=0, folder=folder, resume=True)
+    ranking = place.search(
+        task, brute[0], wanted, kept=kept, settings=place.SearchSettings(shortlist=8, keep=3, draws=0)
+    )
     assert len(ranking.shortlist) < 0.5 * len(brute[0])
     assert ranking.best.score >= 0.98 * full
 
@@ -221,7 +223,7 @@ def test_absorber_and_contact_resonances_are_flagged(table):
             force_levels=np.array([3.0]), normal_forces=np.array([60.0])
         )
         flags.append({finding.code for finding in place.rank(task, here, draws=0).best.findings})
-        model = place.model_at(task.bare, task.surface, here, 0, joint, 60.0)
+        model = place.model_at(task._replace(joint=joint), here, 0, 60.0)
         run = simulate.frf(
             model,
             np.linspace(380, 600, 80),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ema.elements import Section
 from ema.errors import InputError
 from ema.simulate import Coulomb, HarmonicBalance, Masing, double_beam, frf
 from ema.simulate.factors import Factors
@@ -12,7 +13,7 @@ FREQUENCIES = np.array([27.0, 28.0, 29.0])
 
 
 def swept(budget=None):
-    model = double_beam(Masing(0.3, 1e9), 1000.0, elements=4)
+    model = double_beam(Masing(0.3, 1e9), 1000.0, Section(0.5, 0.04, 0.005, elements=4))
     return frf(
         model, FREQUENCIES, 5.0, TIP, [TIP], HarmonicBalance(1e-4, **({} if budget is None else {"budget": budget}))
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ema.data import Damping
+from ema.elements import Section
 from ema.simulate import (
     BoucWen,
     Dahl,
@@ -72,7 +73,9 @@ def test_no_frequency_beside_a_peak_responds_more(draw):
     rng = np.random.default_rng([72, draw])
     ratio, damping, stiffness = 10 ** rng.uniform(1.7, 3.7), 10 ** rng.uniform(-3.3, -2), 10 ** rng.uniform(8.5, 9.7)
     tip = "beam 2:4:+Z"
-    model = double_beam(Masing(0.3, stiffness), ratio, elements=4, damping=Damping(ratio=damping))
+    model = double_beam(
+        Masing(0.3, stiffness), ratio, Section(0.5, 0.04, 0.005, elements=4), damping=Damping(ratio=damping)
+    )
     peak = resonance(model, 1.0, tip, tip, (12.0, 45.0))
     width = float(np.clip(3 * peak.frequency_error, 0.3 * peak.damping, 0.15))
     grid = peak.frequency * np.linspace(1 - width, 1 + width, 31)
@@ -121,7 +124,7 @@ def test_no_more_nodes_than_a_steady_state_asks_for(draw):
     rng = np.random.default_rng([2611, draw])
     law = LuGre(0.3, 1e9, 0.0, 0.0, float(rng.uniform(1.3, 1.6)), float(10 ** rng.uniform(-4.2, -3.5)))
     tip = "beam 2:2:+Z"
-    system = condense(double_beam(law, 60.0, elements=2), 2.0, tip, [tip], 5e-3, None)
+    system = condense(double_beam(law, 60.0, Section(0.5, 0.04, 0.005, elements=2)), 2.0, tip, [tip], 5e-3, None)
     point = system.solve(float(rng.uniform(16.0, 16.4)))
     assert point is not None and point.error <= 0.02
 
@@ -138,7 +141,7 @@ def test_no_more_nodes_than_a_steady_state_asks_for(draw):
 def test_a_step_along_a_curve_stays_where_numbers_are(raised, share):
     """Stuck contacts hardly feel their slip forces: Newton's step in their logarithm is of any size, and is cut."""
     law, tip = LuGre(0.3, 1e9, 0.0, 0.0, 1.45, 1.3e-4), "beam 2:2:+Z"
-    system = condense(double_beam(law, 43.0, elements=2), 0.012, tip, [tip], 5e-3, None)
+    system = condense(double_beam(law, 43.0, Section(0.5, 0.04, 0.005, elements=2)), 0.012, tip, [tip], 5e-3, None)
     omega = 2 * np.pi * 16.9
     gains = system.gains(omega, 3)
     start = system.drive(omega, 3)

@@ -144,7 +144,7 @@ def prediction(
     task = Task(
         whole, smooth(whole, geometry), recipe.bolted_joint(), recipe.at, LEVELS[-1:], FORCES[1:2], modes, recipe.output
     )
-    checked = place.verify(task, place.task.predicted(task, candidates), rows)
+    checked = place.verify(task, place.predict(task, candidates), rows)
     return {
         "bare": {"frequency": told.bare_frequencies.tolist(), "damping": told.bare_damping.tolist()},
         "place": [*best.centre, best.angle],
