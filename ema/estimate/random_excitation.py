@@ -273,7 +273,9 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         "variance": 1 / weights,
         "averages": np.full(values.shape[1:], float(single.count)),
         "deviations": _deviations(values, weights, single),
-        "findings": about_records(single, first.channels, layout.responses, channels.describe(run)),
+        "findings": about_records(
+            single, [first.channels[row].name for row in layout.responses], channels.describe(run)
+        ),
     }
 
 

@@ -141,7 +141,7 @@ def sweep(
     differing = [
         finding
         for blocks in sweeps.single.values()
-        for finding in about_records(blocks, first.channels, layout.responses, where)
+        for finding in about_records(blocks, [first.channels[row].name for row in layout.responses], where)
     ]
     other = () if periodic else stated_excitation.about_repeats(run, *frequencies[keep][[0, -1]])
     of_records = (
