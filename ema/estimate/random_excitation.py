@@ -11,7 +11,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings, local_model, spectra, stated_excitation, windows
+from ema.estimate import breaks, channels, clipping, hammer_findings, local_model, spectra, stated_excitation, windows
 from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_impacts import MOST
@@ -140,6 +140,7 @@ def shaker(
         *drift.findings(first.channels, where),
         *beyond,
         *clipping.about_records(run),
+        *breaks.about_breaks(run),
         *about_levels(run),
         *input_findings(inputs, layout.inputs, where),
         *hammer_findings.about_units(unit, where),
