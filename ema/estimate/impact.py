@@ -15,7 +15,16 @@ from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Ru
 from ema.data.stored_signals import StoredSignals
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import applied_window, channels, clipping, equal_impacts, hammer_findings, impact_choice, single_input
+from ema.estimate import (
+    applied_window,
+    channels,
+    clipping,
+    equal_channels,
+    equal_impacts,
+    hammer_findings,
+    impact_choice,
+    single_input,
+)
 from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
@@ -243,6 +252,7 @@ def hammer_test(
     gallery = _gallery(takes, judged, sums, length, rate)
     findings += [
         *clipping.about_normal_forces(run),
+        *equal_channels.about_channels(run),
         *hammer_findings.about_force(judged, where),
         *hammer_findings.about_impacts(judged, where),
         *hammer_findings.about_points(judged, where),

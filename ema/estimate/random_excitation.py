@@ -11,7 +11,17 @@ from jaxtyping import Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import breaks, channels, clipping, hammer_findings, local_model, spectra, stated_excitation, windows
+from ema.estimate import (
+    breaks,
+    channels,
+    clipping,
+    equal_channels,
+    hammer_findings,
+    local_model,
+    spectra,
+    stated_excitation,
+    windows,
+)
 from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_impacts import MOST
@@ -141,6 +151,7 @@ def shaker(
         *beyond,
         *clipping.about_records(run),
         *breaks.about_breaks(run),
+        *equal_channels.about_channels(run),
         *about_levels(run),
         *input_findings(inputs, layout.inputs, where),
         *hammer_findings.about_units(unit, where),

@@ -215,3 +215,32 @@ def test_records_that_end_with_a_contact_have_no_decay() -> None:
     blocks, step = impact_blocks(hammer_run(points=(1,)), BAND, silent)
     assert late_part(blocks, RATE / step, 0.5) is not None
     assert late_part([replace(one, decay=one.decay[:, :0]) for one in blocks], RATE / step, 0.5) is None
+
+
+@pytest.mark.parametrize("factor", [1.0, -0.37])
+@pytest.mark.parametrize("source", [0, 2])
+def test_channels_that_show_one_signal_are_named(source: int, factor: float) -> None:
+    """A plug or column taken twice, in its own unit or sign, had given shapes with small intervals."""
+
+    def twice(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        signals[3] = factor * signals[source].astype(np.float32)
+        return signals
+
+    (finding,) = [
+        one for one in hammer_test(hammer_run(twice, outputs=(1, 2, 4)))[0].findings if one.code == "equal-channels"
+    ]
+    assert finding.severity == "error"
+    assert f"channels {'hammer' if source == 0 else 'a2'} and a4 show one signal" in finding.message
+
+
+@pytest.mark.parametrize("noise", [1e-4, 0.01])
+def test_sensors_side_by_side_are_two(noise: float) -> None:
+    """Three sensors at one place, and one elsewhere: what they have in common is the vibration, not the noise."""
+
+    def together(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        rng = np.random.default_rng(10 * point + number)
+        same = impact(times, 80.0 + 11 * number, 0.05, [2], point)[1]
+        signals[1:3] = same + noise * np.abs(same).max() * rng.standard_normal((2, len(same)))
+        return signals
+
+    assert "equal-channels" not in codes(hammer_test(hammer_run(together, outputs=(1, 2, 4)))[0], "error")

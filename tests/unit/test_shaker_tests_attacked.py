@@ -331,3 +331,21 @@ def test_a_force_that_is_turned_in_one_record_is_named(kind, channels):
     takes[1] = record(-takes[1].signals[0], takes[1].signals[1:], "turned")
     (finding,) = said(estimate(run(takes, kind)).findings, "records-disagree")
     assert "all FRFs from turned" in finding.message and finding.severity == "error"
+
+
+@pytest.mark.parametrize("source", [0, 2])
+@pytest.mark.parametrize("kind", ["random", "sweep", "stepped sine"])
+def test_channels_that_show_one_signal_are_named(kind, source):
+    rng = np.random.default_rng(62)
+    if kind == "stepped sine":
+        takes, estimate = single_steps(rng), stepped
+    else:
+        takes, estimate = sweeps(rng), sweep if kind == "sweep" else shaker
+    assert not said(estimate(run(takes, kind)).findings, "equal-channels")
+    copies = []
+    for take in takes:
+        signals = np.array(take.signals)
+        signals[4] = 0.5 * signals[source]
+        copies.append(Recording(signals, RATE, take.channels, name=take.name))
+    (finding,) = said(estimate(run(copies, kind)).findings, "equal-channels")
+    assert f"channels {'F' if source == 0 else 'a2'} and a4 show one signal" in finding.message
