@@ -48,7 +48,8 @@ FEWEST = 1024
 MOST = 2**26
 """Samples of a run that are looked at: of longer ones every second channel, every third and so on."""
 
-_AT_ONCE = 2**17
+_AT_ONCE = 2**20
+"""Samples of all channels that are looked at together."""
 
 
 @dataclass(frozen=True)
@@ -95,12 +96,13 @@ def breaks(record: Recording, every: int = 1) -> list[Break]:
     filters = _learnt(record, every_row, means, np.maximum(sizes, 1e-300), inputs)
     found: list[Break] = []
     margin = 2 * BESIDE + ORDER
-    for start in range(0, samples, _AT_ONCE):
-        first, last = max(start - margin, 0), min(start + _AT_ONCE + margin, samples)
+    together = max(_AT_ONCE // len(every_row), 8 * margin)
+    for start in range(0, samples, together):
+        first, last = max(start - margin, 0), min(start + together + margin, samples)
         part = (record.signals[every_row, first:last] - means) / np.maximum(sizes, 1e-300)
         broken, size = _broken(part, filters, inputs)
         broken &= alive[inputs:, None]
-        inside = slice(start - first, min(start + _AT_ONCE, samples) - first)
+        inside = slice(start - first, min(start + together, samples) - first)
         found += _places(broken[:, inside], size[:, inside], rows, start)
     return _joined(found)
 
@@ -112,12 +114,17 @@ def _learnt(
     samples = record.signals.shape[1]
     stretches, length = LEARNT
     starts = np.unique(np.linspace(0, max(samples - length, 0), stretches).round().astype(int))
-    parts = [(record.signals[list(rows), a : a + length] - means) / sizes for a in starts]
-    forces = np.vstack([np.hstack([_lagged(row, 0) for row in part[:inputs]]) for part in parts])
+    stretch = [slice(a, a + length) for a in starts]
+
+    def scaled(row: int) -> list[Float[np.ndarray, "sample"]]:
+        return [(record.signals[rows[row], part] - means[row]) / sizes[row] for part in stretch]
+
+    forces = np.hstack([np.vstack([_lagged(part, 0) for part in scaled(row)]) for row in range(inputs)])
     filters = []
     for row in range(inputs, len(rows)):
-        past = np.vstack([_lagged(part[row], 1) for part in parts])
-        wanted = np.concatenate([part[row, ORDER:] for part in parts])
+        parts = scaled(row)
+        past = np.vstack([_lagged(part, 1) for part in parts])
+        wanted = np.concatenate([part[ORDER:] for part in parts])
         basis, kept = np.hstack([forces, past]), np.ones(len(wanted), bool)
         for _ in range(2):  # the second time without what stands out
             square = basis[kept].T @ basis[kept]

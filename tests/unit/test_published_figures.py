@@ -13,6 +13,8 @@ WITHOUT = {
 OLDER = {
     "accuracy, case",
     "accuracy, cost",
+    "accuracy, halves",
+    "accuracy, listed",
     "accuracy, residues",
     "accuracy, small",
     "accuracy, systems",
