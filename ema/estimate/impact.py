@@ -1,7 +1,7 @@
 """FRFs of a hammer test."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
@@ -15,11 +15,21 @@ from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Ru
 from ema.data.stored_signals import StoredSignals
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import applied_window, channels, clipping, equal_impacts, hammer_findings, impact_choice, single_input
+from ema.estimate import (
+    applied_window,
+    channels,
+    clipping,
+    equal_channels,
+    equal_impacts,
+    hammer_findings,
+    impact_choice,
+    single_input,
+)
 from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
+from ema.estimate.record_agreement import SingleBlocks, about_impacts
 from ema.estimate.single_impacts import SingleImpacts
 from ema.estimate.single_input import Sums
 from ema.estimate.spectra import Estimator
@@ -220,13 +230,16 @@ def hammer_test(
     sums: dict[_Key, Sums] = {}
     single, effects = SingleImpacts(), list[LevelEffect]()
     blocks = _Blocks(length, before, added)
-    for key, parts, effect in _transformed(run, takes, judged, blocks, settings, progress):
+    names = dict[_Key, list[str]]()
+    for key, used, parts, effect in _transformed(run, takes, judged, blocks, settings, progress):
         sums[key] = reduce(add, parts, sums[key]) if key in sums else reduce(add, parts)
         single.keep(key, parts)
+        names.setdefault(key, []).extend(f"{one.record}, impact {one.index}" for one in used)
         effects += [effect] if effect is not None else []
     gallery = _gallery(takes, judged, sums, length, rate)
     findings += [
         *clipping.about_normal_forces(run),
+        *equal_channels.about_channels(run),
         *hammer_findings.about_force(judged, where),
         *hammer_findings.about_impacts(judged, where),
         *hammer_findings.about_points(judged, where),
@@ -234,6 +247,7 @@ def hammer_test(
         *hammer_findings.about_window(ring, added, settings.decay is not None, where),
         *applied_window.about_applied_window(_noise_decays(takes, judged, rate), where),
         *hammer_findings.about_levels(effects, level_bins(gallery), where),
+        *_about_points(single, names, where),
         *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
     ]
     return _assemble(run, takes[0], sums, single, blocks, settings, findings), gallery
@@ -377,8 +391,8 @@ def _noise_decays(takes: _Takes, judged: list[Judged], rate: float) -> Iterator[
 
 def _transformed(
     run: Run, takes: _Takes, judged: list[Judged], blocks: _Blocks, settings: HammerSettings, progress: Progress
-) -> Iterator[tuple[_Key, list[Sums], LevelEffect | None]]:
-    """Sums of spectra of the impacts of each record, under (force DOF, response DOFs)."""
+) -> Iterator[tuple[_Key, list[Judged], list[Sums], LevelEffect | None]]:
+    """The impacts used of each record and the sums of their spectra, under (force DOF, response DOFs)."""
     for place in range(len(takes.records)):
         accepted = [one for one in judged if one.place == place and one.used]
         if accepted:
@@ -388,8 +402,19 @@ def _transformed(
             peaks = np.array([abs(one.pulse.peak) for one in accepted])
             effect = level_effect(spectra, peaks)
             parts = [single_input.summed(force, response) for force, response in spectra]
-            yield (layout.inputs[0], layout.outputs), parts, effect
+            yield (layout.inputs[0], layout.outputs), accepted, parts, effect
         advance(progress, "transforming impacts", place + 1, len(takes.records))
+
+
+def _about_points(single: SingleImpacts, names: Mapping[_Key, Sequence[str]], where: str) -> Iterator[Finding]:
+    """Channels that an impact gives FRFs of another level or sign than the others at its point."""
+    for key, parts in single.sums.items():
+        blocks = SingleBlocks()
+        for name, part in zip(names[key], parts, strict=True):
+            frfs = part.cross * single_input.reciprocal(part.force)
+            weight = np.broadcast_to(part.force, frfs.shape)
+            blocks.keep(name, frfs.T[:, :, None], weight.T[:, :, None])
+        yield from about_impacts(blocks, [str(dof) for dof in key[1]], f"{where}, point {key[0]}")
 
 
 def _spectra(

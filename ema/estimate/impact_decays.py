@@ -253,6 +253,8 @@ def _block(
 def late_part(blocks: Sequence[ImpactBlock], rate: float, later: float) -> LatePart | None:
     """The late parts; ``None`` where they are too short for a few modes."""
     length = min(block.decay.shape[1] for block in blocks)
+    if length < _FEWEST:
+        return None
     decays = np.array([block.decay[:, :length] for block in blocks])
     first = _begin_of_late(decays, later)
     signals = decays[..., first:]

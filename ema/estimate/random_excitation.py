@@ -11,7 +11,17 @@ from jaxtyping import Complex
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings, local_model, spectra, stated_excitation, windows
+from ema.estimate import (
+    breaks,
+    channels,
+    clipping,
+    equal_channels,
+    hammer_findings,
+    local_model,
+    spectra,
+    stated_excitation,
+    windows,
+)
 from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_impacts import MOST
@@ -143,6 +153,8 @@ def shaker(
         *drift.findings(first.channels, where),
         *beyond,
         *clipping.about_records(run),
+        *breaks.about_breaks(run),
+        *equal_channels.about_channels(run),
         *about_levels(run),
         *input_findings(inputs, layout.inputs, where),
         *hammer_findings.about_units(unit, where),
@@ -272,7 +284,9 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         "averages": np.full(values.shape[1:], float(single.count)),
         "deviations": _deviations(values, single),
         "effective_lines": np.average([lines for _, lines in told], axis=0, weights=[count for count, _ in told]),
-        "findings": about_records(single, first.channels, layout.responses, channels.describe(run)),
+        "findings": about_records(
+            single, [first.channels[row].name for row in layout.responses], channels.describe(run)
+        ),
     }
 
 

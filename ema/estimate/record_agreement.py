@@ -1,4 +1,4 @@
-"""Whether the records of a test, or the blocks of one, give each channel the same FRFs.
+"""Whether the records of a test, the blocks of one, or the impacts at a point, give each channel the same FRFs.
 
 A sensor that comes loose, an amplifier that changes its range or a plug that is turned between two records changes one
 channel against the others. The mean of the records is then the FRF of no structure, with small intervals.
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import Channel, Finding, Run
+from ema.data import Finding, Run
 from ema.estimate import channels as channel_roles
 from ema.estimate.single_impacts import KEPT
 
@@ -19,6 +19,14 @@ LEVEL = 0.2
 
 As for FRFs that two set-ups measured (``setup-level``). Half of it would name channels whose modes change with the
 level; twice as much would miss a gain that was changed by 3 dB.
+"""
+
+LEVEL_OF_IMPACTS = 1.0
+"""The same for impacts, whose levels scatter: a mode whose damping ratio follows them changes the gain of its FRFs by
+less than a factor of two, as long as their coherence is above ``ALIKE``.
+
+Damping ratios that differ by a factor of r leave a coherence of 4 r / (1 + r)^2, 0.8 for r = 2.6, and a gain of
+2 r / (1 + r) or its counterpart, 1.4 and 0.6.
 """
 
 ALIKE = 0.8
@@ -64,36 +72,50 @@ class SingleBlocks:
         self.blocks = [*self.blocks, Block(name, values, weight)] if self.size <= KEPT else []
 
 
-def about_records(
-    single: SingleBlocks, channels: Sequence[Channel], responses: Sequence[int], where: str
+def about_records(single: SingleBlocks, names: Sequence[str], where: str) -> tuple[Finding, ...]:
+    """One finding for each response whose FRFs are of another level or sign in one of the blocks, or lost there.
+
+    ``names`` are those of the response channels. Of one or two nobody knows which of them changed its level; a sign
+    that is turned has no other cause.
+    """
+    return _about_blocks(single.blocks, names, where, limit=LEVEL, lost_below=LOST)
+
+
+def about_impacts(single: SingleBlocks, names: Sequence[str], where: str) -> tuple[Finding, ...]:
+    """The same of the impacts at a point, where a response near a node may show nothing but noise."""
+    return _about_blocks(single.blocks, names, where, limit=LEVEL_OF_IMPACTS, lost_below=0.0)
+
+
+def _about_blocks(
+    blocks: Sequence[Block], names: Sequence[str], where: str, *, limit: float, lost_below: float
 ) -> tuple[Finding, ...]:
-    """One finding for each response whose FRFs are of another level or sign in one of the blocks, or lost there."""
-    blocks = single.blocks
-    if len(blocks) < 2 or len(responses) < 3:  # of two channels nobody knows which of them changed
+    if len(blocks) < 2:
         return ()
     known, total = _known(blocks[0]), _known(blocks[0]) * blocks[0].values
     for block in blocks[1:]:
         known, total = known + _known(block), total + _known(block) * block.values
     gains, alike = zip(*(_against_others(block, known, total) for block in blocks))
     gain, coherence = np.array(gains), np.array(alike)
-    usual = np.median(coherence, axis=1) > ALIKE
+    negative = (gain.real < 0) & (coherence > ALIKE)
+    if (turned := np.flatnonzero(negative.all(axis=1))).size:
+        return (_all_turned(blocks[int(turned[0])].name or f"record {turned[0] + 1}", where),)
+    few = len(names) < 3
+    usual = np.median(coherence, axis=1) > (-1.0 if few else ALIKE)
     size = np.abs(gain) / np.maximum(np.median(np.abs(gain), axis=1, keepdims=True), 1e-300)
-    level = np.abs(np.log(np.maximum(size, 1e-300)))
-    turned = (gain.real < 0) & (np.median(gain.real, axis=1, keepdims=True) > 0)
-    level = np.where(turned, np.inf, level)
-    level = np.where(coherence > ALIKE, level, 0.0)
+    level = np.zeros_like(size) if few else np.abs(np.log(np.maximum(size, 1e-300)))
+    level = np.where(negative, np.inf, np.where(coherence > ALIKE, level, 0.0))
     findings = []
-    for row, channel in enumerate(responses):
+    for row, name in enumerate(names):
         worst = int(np.argmax(np.where(usual, level[:, row], 0.0)))
-        lost = np.flatnonzero(usual & (coherence[:, row] < LOST))
+        lost = np.flatnonzero(usual & (coherence[:, row] < lost_below) & (not few))
         reversed_there = bool(usual[worst] and np.isinf(level[worst, row]))
         if len(lost) == len(blocks):
-            findings.append(_noise_only(f"{where}, channel {channels[channel].name}", float(coherence[:, row].max())))
+            findings.append(_noise_only(f"{where}, channel {name}", float(coherence[:, row].max())))
             continue
         if len(lost) and not reversed_there:
             worst = int(lost[np.argmin(coherence[lost, row])])
             said, value = "have nothing in common with", float(coherence[worst, row])
-        elif usual[worst] and level[worst, row] > np.log1p(LEVEL):
+        elif usual[worst] and level[worst, row] > np.log1p(limit):
             value = -1.0 if reversed_there else float(size[worst, row])
             said = "have the opposite sign of" if reversed_there else f"are {value:.3g} times as large as"
         else:
@@ -102,16 +124,30 @@ def about_records(
             Finding(
                 "error",
                 "records-disagree",
-                f"{where}, channel {channels[channel].name}",
+                f"{where}, channel {name}",
                 f"the FRFs of this channel from {blocks[worst].name or f'record {worst + 1}'} {said} those of the "
                 "rest, and those of most other channels agree: their mean is the FRF of no structure.",
                 value,
-                LEVEL,
+                limit,
                 "Look for a loose sensor, a changed range or a turned plug; correct the channel by a repair, or leave "
                 "out the record or the channel.",
             )
         )
     return tuple(findings)
+
+
+def _all_turned(block: str, where: str) -> Finding:
+    """What is to be said of a block whose FRFs all have the opposite sign."""
+    return Finding.of(
+        "error",
+        "records-disagree",
+        where,
+        "all FRFs from {block} have the opposite sign of those of the rest: their mean is the FRF of no structure.",
+        -1.0,
+        0.0,
+        advice="Look for a turned plug of the force channel, or of the only response; correct it by a repair.",
+        block=block,
+    )
 
 
 def about_levels(run: Run) -> tuple[Finding, ...]:

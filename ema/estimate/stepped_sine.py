@@ -9,7 +9,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, clipping, gain_changes, hammer_findings
+from ema.estimate import channels, clipping, equal_channels, gain_changes, hammer_findings
 from ema.estimate.record_agreement import LEVEL, about_level
 from ema.progress import Progress, advance, silent
 
@@ -388,7 +388,13 @@ def _joined(
     names = [first.channels[row].name for row in (*layout.references, *layout.responses)]
     # the mean of steps that differ is no gain
     gains = () if apart[0] > LEVEL else gain_changes.about_gains(frequencies, np.array(values), names, where)
-    findings = [*clipping.about_records(run), *gains, *mixed, *hammer_findings.about_units(unit, where)]
+    findings = [
+        *clipping.about_records(run),
+        *equal_channels.about_channels(run),
+        *gains,
+        *mixed,
+        *hammer_findings.about_units(unit, where),
+    ]
     findings += _about_steps(apart, unsteady, where)
     moved = np.array([np.max([step.moved for step in group], axis=0) for group in groups])
     # a response beats about its steady amplitude: what a line is off shows at its neighbours too

@@ -11,7 +11,16 @@ from jaxtyping import Complex, Float, Int
 from ema.data import Finding, FrfSet, Provenance, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import channels, clipping, hammer_findings, repeated_sweeps, single_input, stated_excitation
+from ema.estimate import (
+    breaks,
+    channels,
+    clipping,
+    equal_channels,
+    hammer_findings,
+    repeated_sweeps,
+    single_input,
+    stated_excitation,
+)
 from ema.estimate.detection_lines import NonlinearDistortion, distortion_finding, excited_lines, nonlinear_distortion
 from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
@@ -141,7 +150,7 @@ def sweep(
     differing = [
         finding
         for blocks in sweeps.single.values()
-        for finding in about_records(blocks, first.channels, layout.responses, where)
+        for finding in about_records(blocks, [first.channels[row].name for row in layout.responses], where)
     ]
     other = () if periodic else stated_excitation.about_repeats(run, *frequencies[keep][[0, -1]])
     of_records = (
@@ -149,6 +158,8 @@ def sweep(
         *drift.findings(first.channels, where),
         *differing,
         *clipping.about_records(run),
+        *breaks.about_breaks(run),
+        *equal_channels.about_channels(run),
         *about_levels(run),
     )
     frfs = replace(frfs, findings=(*of_records, *frfs.findings))

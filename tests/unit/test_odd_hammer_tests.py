@@ -11,12 +11,13 @@ from ema.cli import main
 from ema.data import Condition, Excitation, FrfSet, ModalModel, Run
 from ema.errors import InputError
 from ema.estimate import HammerSettings, hammer_test
-from ema.estimate.impact_decays import impact_decays
+from ema.estimate.impact_decays import impact_blocks, impact_decays, late_part
 from ema.fit import modes, stabilise
+from ema.progress import silent
 from ema.study.chain import analyse
 from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, FitTable
-from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, hammer_run, impact
+from tests.unit.closed_form_impacts import DAMPING, FREQUENCIES, RATE, hammer_run, impact
 
 BAND = (10.0, 200.0)
 
@@ -162,3 +163,84 @@ def test_a_structure_that_still_moves_has_no_window(noise: float, share: float) 
 
     frfs, _ = hammer_test(hammer_run(moving, points=(1, 2), noise=noise))
     assert "window-unstated" not in {finding.code for finding in frfs.findings}
+
+
+@pytest.mark.parametrize("outputs", [(4,), (1, 4), (1, 2, 4)])
+def test_a_sensor_that_is_turned_at_one_impact_is_named(outputs: tuple[int, ...]) -> None:
+    """One of three impacts with the other sign left a third of every FRF of the channel, without a word."""
+
+    def turned(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        signals[-1] *= -1 if (point, number) == (2, 1) else 1
+        return signals
+
+    (finding,) = [
+        one for one in hammer_test(hammer_run(turned, outputs=outputs))[0].findings if one.code == "records-disagree"
+    ]
+    assert finding.severity == "error" and "point 2:+Z" in finding.where and "opposite sign" in finding.message
+    assert len(outputs) == 1 or "channel 4:+Z" in finding.where
+    assert "impact 0" in finding.message
+
+
+def test_a_range_that_is_changed_at_one_impact_is_named() -> None:
+    def amplified(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        signals[2] *= 10 if (point, number) == (3, 2) else 1
+        return signals
+
+    (finding,) = [
+        one
+        for one in hammer_test(hammer_run(amplified, outputs=(1, 2, 4)))[0].findings
+        if one.code == "records-disagree"
+    ]
+    assert "channel 2:+Z" in finding.where and "10 times as large" in finding.message
+
+
+@pytest.mark.parametrize("noise", [0.002, 0.02])
+def test_impacts_of_many_levels_and_points_near_nodes_do_not_disagree(noise: float) -> None:
+    """A second impact twice as hard, and a sensor that shows next to nothing but noise."""
+
+    def uneven(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        quiet = noise * np.random.default_rng(10 * point + number).standard_normal(signals.shape[1])
+        level = 1.0 + number
+        signals *= level
+        signals[-1] = 0.01 * signals[-1] + np.abs(signals[-1]).max() * quiet
+        return signals
+
+    for seed in range(5):
+        frfs, _ = hammer_test(hammer_run(uneven, outputs=(1, 2, 4), noise=noise, seed=seed))
+        assert "records-disagree" not in codes(frfs, "error", "warning", "info")
+
+
+def test_records_that_end_with_a_contact_have_no_decay() -> None:
+    """Where the force rings to the end of the record nothing is left behind it; the analysis had ended in a fault."""
+    blocks, step = impact_blocks(hammer_run(points=(1,)), BAND, silent)
+    assert late_part(blocks, RATE / step, 0.5) is not None
+    assert late_part([replace(one, decay=one.decay[:, :0]) for one in blocks], RATE / step, 0.5) is None
+
+
+@pytest.mark.parametrize("factor", [1.0, -0.37])
+@pytest.mark.parametrize("source", [0, 2])
+def test_channels_that_show_one_signal_are_named(source: int, factor: float) -> None:
+    """A plug or column taken twice, in its own unit or sign, had given shapes with small intervals."""
+
+    def twice(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        signals[3] = factor * signals[source].astype(np.float32)
+        return signals
+
+    (finding,) = [
+        one for one in hammer_test(hammer_run(twice, outputs=(1, 2, 4)))[0].findings if one.code == "equal-channels"
+    ]
+    assert finding.severity == "error"
+    assert f"channels {'hammer' if source == 0 else 'a2'} and a4 show one signal" in finding.message
+
+
+@pytest.mark.parametrize("noise", [1e-4, 0.01])
+def test_sensors_side_by_side_are_two(noise: float) -> None:
+    """Three sensors at one place, and one elsewhere: what they have in common is the vibration, not the noise."""
+
+    def together(point: int, number: int, times: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        rng = np.random.default_rng(10 * point + number)
+        same = impact(times, 80.0 + 11 * number, 0.05, [2], point)[1]
+        signals[1:3] = same + noise * np.abs(same).max() * rng.standard_normal((2, len(same)))
+        return signals
+
+    assert "equal-channels" not in codes(hammer_test(hammer_run(together, outputs=(1, 2, 4)))[0], "error")

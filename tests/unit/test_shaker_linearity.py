@@ -8,6 +8,7 @@ import scipy.stats
 
 from ema.data import Channel, Condition, Excitation, JointForce, Recording, Run
 from ema.dof import Dof
+from ema.estimate.breaks import breaks
 from ema.estimate.reverse_path import amplitude_dependence, amplitude_finding
 from ema.report.modes import run_sentence
 from ema.study.chain import analyse
@@ -160,3 +161,10 @@ def test_a_level_that_is_not_steady_is_no_friction(kind):
     for number, motion in enumerate(detection_lines.responses(made, force, 1.0, settle=0, periods=1)):
         read = amplitude_dependence(reverse_path.run_of(rng, force, motion), *reverse_path.stuck_modes(made, number))
         assert amplitude_finding(read, "table") is None
+
+
+@pytest.mark.parametrize("kind", ["random", "sweep"])
+def test_a_joint_that_slips_does_not_break_the_signals(made: detection_lines.Tables, kind: str) -> None:
+    for level in (1.0, 3.0):
+        for run in runs_at(made, kind, level):
+            assert not any(breaks(record) for record in run.recordings)

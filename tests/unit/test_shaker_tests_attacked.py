@@ -308,3 +308,44 @@ def test_drift_of_a_random_force_is_taken_off(method):
     assert frfs.frequencies[0] > 8
     assert method == "welch" or worst(frfs, 40, 180) < 0.03
     assert not said(shaker(run([record(force[::FINER], take.signals[1:])], "random"), method=method).findings, "drift")
+
+
+@pytest.mark.parametrize("kind", ["random", "sweep"])
+@pytest.mark.parametrize("channels", [1, 2, 5])
+def test_a_force_that_is_turned_in_one_record_is_named(kind, channels):
+    """All its FRFs have the other sign: their mean had been taken with a low coherence at most."""
+    rng = np.random.default_rng(61)
+    if kind == "sweep":
+        takes = sweeps(rng)
+    else:
+        takes = []
+        for n in range(3):
+            force = np.cumsum(rng.normal(size=int(30 * RATE) * FINER)) * 0.1
+            force = scipy.signal.sosfilt(
+                scipy.signal.butter(2, [10, 300], "band", fs=RATE * FINER, output="sos"), force
+            )
+            takes.append(record(force[::FINER], noisy(vibration(force), rng), f"take_{n}"))
+    takes = [record(take.signals[0], take.signals[1 : 1 + channels], take.name) for take in takes]
+    estimate = sweep if kind == "sweep" else shaker
+    assert not said(estimate(run(takes, kind)).findings, "records-disagree")
+    takes[1] = record(-takes[1].signals[0], takes[1].signals[1:], "turned")
+    (finding,) = said(estimate(run(takes, kind)).findings, "records-disagree")
+    assert "all FRFs from turned" in finding.message and finding.severity == "error"
+
+
+@pytest.mark.parametrize("source", [0, 2])
+@pytest.mark.parametrize("kind", ["random", "sweep", "stepped sine"])
+def test_channels_that_show_one_signal_are_named(kind, source):
+    rng = np.random.default_rng(62)
+    if kind == "stepped sine":
+        takes, estimate = single_steps(rng), stepped
+    else:
+        takes, estimate = sweeps(rng), sweep if kind == "sweep" else shaker
+    assert not said(estimate(run(takes, kind)).findings, "equal-channels")
+    copies = []
+    for take in takes:
+        signals = np.array(take.signals)
+        signals[4] = 0.5 * signals[source]
+        copies.append(Recording(signals, RATE, take.channels, name=take.name))
+    (finding,) = said(estimate(run(copies, kind)).findings, "equal-channels")
+    assert f"channels {'F' if source == 0 else 'a2'} and a4 show one signal" in finding.message
