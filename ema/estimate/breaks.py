@@ -226,9 +226,9 @@ def _finding(run: Run, record: Recording, found: Sequence[Break], records: int) 
         "warning",
         "signals-break",
         channels.describe(run, record),
-        "signals break at {times} s, in {broken} of {responses} response channels, first in {first}; records that break: "
-        "{records}. What follows is {size} times the rms away from what the force and the vibration before lead to, as "
-        "where samples were lost or repeated, or a channel jumps. FRFs contain it, and intervals may not.",
+        "signals break at {times} s, in {broken} of {responses} response channels, first in {first}; records that "
+        "break: {records}. What follows is {size} times the rms away from what the force and the vibration before lead "
+        "to, as where samples were lost or repeated, or a channel jumps. FRFs contain it, and intervals may not.",
         size,
         LARGE,
         advice="Look at the signals there: check buffers and cables, and leave out the record or the channel.",

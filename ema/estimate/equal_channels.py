@@ -66,15 +66,15 @@ def _finding(record: Recording, rows: Sequence[int], force: bool, where: str) ->
         "error",
         "equal-channels",
         where,
-        "channels {first} and {last} show one signal, the force, to the last digit of their noise, while others differ: "
-        "shapes and residues at all of them but one are wrong."
+        "channels {first} and {last} show one signal, the force, to the last digit of their noise, while others "
+        "differ: shapes and residues at all of them but one are wrong."
         if force
-        else "channels {first} and {last} show one signal to the last digit of their noise, while others differ: shapes "
-        "and residues at all of them but one are wrong.",
+        else "channels {first} and {last} show one signal to the last digit of their noise, while others differ: "
+        "shapes and residues at all of them but one are wrong.",
         float(len(rows)),
         1.0,
-        advice="Look for a plug, a file or a column that was taken twice; correct the channel table or leave the copies "
-        "out.",
+        advice="Look for a plug, a file or a column that was taken twice; correct the channel table or leave the "
+        "copies out.",
         first=", ".join(names[:-1]),
         last=names[-1],
     )
