@@ -25,8 +25,8 @@ DEGREE = 2
 SPARE = 10
 """Lines around each line in excess of the unknowns of one record: they give the noise."""
 
-CHUNK = 256
-"""Lines that are solved together."""
+CHUNK = 2048
+"""Lines of all blocks that are solved together, at least sixteen of each: some 40 MB for every 64 responses."""
 
 STEPS = 8
 """Gauss-Newton steps at most. After four of them peaks in much noise (a third of the peak) are still 5 to 10 % low;
@@ -107,8 +107,9 @@ def local_model(blocks: Sequence[Spectra]) -> Local:
     first = np.clip(lines - span // 2, 0, count - span)
     acting = [np.any(u != 0, axis=0) for u, _ in blocks]
     pieces = []
-    for start in range(0, count, CHUNK):
-        centre = lines[start : start + CHUNK]
+    together = max(min(CHUNK // len(blocks), CHUNK // 8), 16)
+    for start in range(0, count, together):
+        centre = lines[start : start + together]
         around = first[centre][:, None] + np.arange(span)
         powers = ((around - centre[:, None]) / (span // 2))[:, :, None] ** np.arange(DEGREE + 1)
         parts = [

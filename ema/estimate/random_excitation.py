@@ -51,7 +51,7 @@ LONGEST_BLOCK = 2**16
 _AT_ONCE = 2**21
 """Samples of all channels that are transformed at once: few enough for a record that is larger than memory."""
 
-_TOGETHER = 2**28
+_TOGETHER = 2**26
 """Bytes of spectra that are modelled together; more of them share no denominators."""
 
 
