@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data import Matrices
+from ema.deprecation import fields_as_arguments
 from ema.dof import Dof
 from ema.errors import InputError
 
@@ -193,6 +194,7 @@ def stepped_beam(sections: Sequence[Section], clamped: tuple[bool, bool] = (True
     return Matrices(mass[keep, keep], stiffness[keep, keep], tuple(dofs[keep]))
 
 
+@fields_as_arguments("section", Section)
 def beam(section: Section, clamped: tuple[bool, bool] = (True, False), part: str = "") -> Matrices:
     """Return the matrices of a straight uniform Bernoulli beam along +X, nodes 0 ... ``section.elements``.
 

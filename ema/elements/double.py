@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data import BeamModel, Damping, FrictionLaw, Joint
+from ema.deprecation import fields_as_arguments
 from ema.elements.beams import Section, beam
 
 NO_DAMPING = Damping()
@@ -11,6 +12,7 @@ REFERENCE = Section(length=0.5, width=0.04, height=0.005)
 """One beam of the reference set: steel."""
 
 
+@fields_as_arguments("section", Section)
 def double_beam(
     law: FrictionLaw,
     normal_force: float,

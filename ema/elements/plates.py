@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data import Matrices
+from ema.deprecation import fields_as_arguments
 from ema.dof import Dof
 from ema.elements.beams import square_zeros
 from ema.errors import InputError
@@ -105,6 +106,7 @@ class Plate:
     elements: tuple[int, int] = (10, 2)
 
 
+@fields_as_arguments("plate", Plate)
 def plate_matrices(plate: Plate, clamped: bool = True, part: str = "") -> Matrices:
     """Return the matrices of a rectangular Kirchhoff plate along +X and +Y.
 

@@ -13,6 +13,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, FrfSet, Hit, HitGallery, Provenance, Recording, Run
 from ema.data.stored_signals import StoredSignals
+from ema.deprecation import fields_as_arguments
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import (
@@ -132,6 +133,7 @@ class _Takes:
         return record
 
 
+@fields_as_arguments("settings", HammerSettings)
 def hammer(
     run: Run,
     settings: HammerSettings = DEFAULTS,
@@ -167,6 +169,7 @@ def hammer(
     return hammer_test(run, settings, progress)[0]
 
 
+@fields_as_arguments("settings", HammerSettings)
 def hammer_test(
     run: Run,
     settings: HammerSettings = DEFAULTS,

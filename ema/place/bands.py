@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from ema.data import Finding, ModalMap, Provenance
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.placement import Candidates
+from ema.deprecation import fields_as_arguments
 from ema.errors import InputError
 from ema.messages import mark
 from ema.place.budget import budget, inputs
@@ -84,6 +85,7 @@ def _no_readings(draw: Draw) -> Float[np.ndarray, "reading"]:
     return np.empty(0)
 
 
+@fields_as_arguments("settings", ForecastSettings)
 def forecast(
     task: Task,
     candidates: Candidates,

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from ema.data import Finding
 from ema.data.placement import Candidates, Place, Prediction, Ranking
+from ema.deprecation import fields_as_arguments
 from ema.errors import InputError
 from ema.messages import mark
 from ema.place.flags import about_holes, about_points, flags, shifts
@@ -115,6 +116,7 @@ def rank(
     return Ranking(str(wanted), prediction, total, places, findings)
 
 
+@fields_as_arguments("settings", SearchSettings)
 def search(
     task: Task,
     candidates: Candidates,

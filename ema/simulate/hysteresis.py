@@ -12,7 +12,6 @@ from ema.simulate.loops import enclosed_area
 _PLAY = 0.02
 _SWING = 0.2
 _IN_STEP = 0.7
-_WHERE = "measured loop"
 _FULL = 0.97
 
 
@@ -24,6 +23,7 @@ def measured_loop(
     normal_forces: Float[np.ndarray, "sample"] | float = float("nan"),
     cycles: int = 3,
     steady: bool = True,
+    name: str = "",
 ) -> Loop:
     """Return the last whole cycles of a measured loop, with its energy per cycle and what is suspicious about it.
 
@@ -45,6 +45,8 @@ def measured_loop(
         How many cycles are averaged, where there are so many.
     steady : bool, default True
         Take the last cycles at full amplitude; otherwise the last periods of the record, with any run-down.
+    name : str, optional
+        What the loop is called in messages.
 
     Returns
     -------
@@ -64,11 +66,11 @@ def measured_loop(
     >>> round(1e6 * cycle.area, 1)  # pi * 1e-6 m * 5 N * sin(30 deg) = 7.85e-6 J
     7.8
     """
-    _check(times, displacements, forces, frequency)
+    _check(times, displacements, forces, frequency, name)
     if cycles < 1 or np.shape(normal_forces) not in ((), times.shape):
         raise InputError(
             "not a loop",
-            where=_WHERE,
+            where=name,
             got=f"{cycles} cycles, normal forces {np.shape(normal_forces)}",
             expected=f"one cycle or more; one normal force, or {len(times)} of them",
         )
@@ -81,7 +83,7 @@ def measured_loop(
                 Finding(
                     "info",
                     "run-down",
-                    _WHERE,
+                    name,
                     f"the motion has full amplitude only until {end:.2f} s.",
                     end,
                     float(times[-1]),
@@ -99,7 +101,7 @@ def measured_loop(
             Finding(
                 "warning",
                 "force-sign",
-                _WHERE,
+                name,
                 "the loop runs backwards: the force was reversed.",
                 None,
                 None,
@@ -113,7 +115,7 @@ def measured_loop(
             Finding(
                 "warning",
                 "backlash",
-                _WHERE,
+                name,
                 f"{play:.2g} m of travel at constant force between the directions: the joint has play.",
                 play / (2 * amplitude),
                 _PLAY,
@@ -121,39 +123,39 @@ def measured_loop(
             )
         )
     normal = np.broadcast_to(np.asarray(normal_forces, dtype=float), times.shape)[part]
-    findings += _normal_force_findings(normal, f)
+    findings += _normal_force_findings(normal, f, name)
     middle = 0.5 * (x.max() + x.min())
-    return Loop(x - middle, f, float(area), amplitude, count, float(normal.mean()), t, tuple(findings))
+    return Loop(x - middle, f, float(area), amplitude, count, float(normal.mean()), t, tuple(findings), name)
 
 
-def _check(times: np.ndarray, x: np.ndarray, f: np.ndarray, frequency: float) -> None:
+def _check(times: np.ndarray, x: np.ndarray, f: np.ndarray, frequency: float, name: str) -> None:
     if not (np.isfinite(frequency) and frequency > 0):
-        raise InputError("not a frequency", where=_WHERE, got=f"{frequency} Hz", expected="above 0")
+        raise InputError("not a frequency", where=name, got=f"{frequency} Hz", expected="above 0")
     if len(times) < 8 or not len(times) == len(x) == len(f):
         raise InputError(
             "not a loop",
-            where=_WHERE,
+            where=name,
             got=f"{len(times)}, {len(x)} and {len(f)} samples",
             expected="equal numbers of times, displacements and forces, 8 or more",
         )
     if not (np.all(np.isfinite(times)) and np.all(np.isfinite(x)) and np.all(np.isfinite(f))):
-        raise InputError("not a loop", where=_WHERE, got="NaN or infinite samples", expected="numbers")
+        raise InputError("not a loop", where=name, got="NaN or infinite samples", expected="numbers")
     if np.any(np.diff(times) <= 0):
         raise InputError(
             "the times do not rise",
-            where=_WHERE,
+            where=name,
             got=f"a step of {np.diff(times).min():g} s",
             expected="every sample later than the one before",
         )
     if (times[-1] - times[0]) * frequency * (1 + 1e-9) + 1e-3 < 1 - frequency * float(np.median(np.diff(times))):
         raise InputError(
             "less than one cycle",
-            where=_WHERE,
+            where=name,
             got=f"{times[-1] - times[0]:g} s at {frequency:g} Hz",
             expected=f"{1 / frequency:g} s or more",
         )
     if np.ptp(x) == 0 or np.ptp(f) == 0:
-        raise InputError("not a loop", where=_WHERE, got="a constant displacement or force", expected="a motion")
+        raise InputError("not a loop", where=name, got="a constant displacement or force", expected="a motion")
 
 
 def turning_points(x: Float[np.ndarray, "sample"]) -> np.ndarray:
@@ -204,7 +206,7 @@ def free_travel(x: Float[np.ndarray, "sample"], f: Float[np.ndarray, "sample"], 
     return float(np.mean(found)) if found else 0.0
 
 
-def _normal_force_findings(normal: np.ndarray, f: np.ndarray) -> list[Finding]:
+def _normal_force_findings(normal: np.ndarray, f: np.ndarray, name: str) -> list[Finding]:
     """Whether the normal force swings, and whether the friction force makes it swing."""
     if not np.all(np.isfinite(normal)) or normal.mean() == 0:
         return []
@@ -215,7 +217,7 @@ def _normal_force_findings(normal: np.ndarray, f: np.ndarray) -> list[Finding]:
         Finding(
             "warning",
             "normal-force-swings",
-            _WHERE,
+            name,
             f"F_N swings by {swing:.0%} (rms) in a cycle.",
             swing,
             _SWING,
@@ -228,7 +230,7 @@ def _normal_force_findings(normal: np.ndarray, f: np.ndarray) -> list[Finding]:
             Finding(
                 "warning",
                 "no-normal-force",
-                _WHERE,
+                name,
                 f"F_N follows the size of the friction force (correlation "
                 f"{together:.2f}): it is a consequence of friction, such as the tension of a band, and no "
                 "normal force.",

@@ -75,7 +75,11 @@ def test_stuck_beams_vibrate_like_one_of_double_thickness(stiffness, ratio, tole
 def test_the_stick_limit_is_approached_with_the_square_of_the_element_length():
     """It ends slightly below a factor of two in frequency: axial motion adds rotary inertia of order (h/L)^2."""
     ratios = [
-        modal_base(assemble(double(0.0, 1e14, elements=n, normal_stiffness=1e13))).frequencies[0] / (2 * np.pi) / SINGLE
+        modal_base(
+            assemble(double(0.0, 1e14, section=Section(L, B, H, elements=n), normal_stiffness=1e13))
+        ).frequencies[0]
+        / (2 * np.pi)
+        / SINGLE
         for n in (5, 10, 20)
     ]
     steps = np.diff(ratios)

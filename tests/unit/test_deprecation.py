@@ -1,0 +1,45 @@
+"""Calls as they were one release ago still do what they did, with a warning."""
+
+import numpy as np
+import pytest
+
+from ema.elements import Plate, Section, beam, double_beam, plate_matrices
+from ema.estimate import HammerSettings, hammer
+from ema.examples import campaign
+from ema.simulate import Masing
+
+
+def same(one, other):
+    return np.array_equal(one.mass, other.mass) and np.array_equal(one.stiffness, other.stiffness)
+
+
+def test_sections_and_plates_by_their_dimensions():
+    with pytest.warns(DeprecationWarning, match=r"beam takes section=Section\(length=0.5"):
+        former = beam(0.5, 0.04, 0.005, elements=4, clamped=(True, True))
+    assert same(former, beam(Section(0.5, 0.04, 0.005, elements=4), clamped=(True, True)))
+    with pytest.warns(DeprecationWarning):
+        former = beam(0.5, 0.04, 0.005, 70e9, 2700.0, 4, (True, True), "host")
+    assert same(former, beam(Section(0.5, 0.04, 0.005, 70e9, 2700.0, 4), (True, True), "host"))
+    with pytest.warns(DeprecationWarning):
+        former = plate_matrices(0.3, 0.2, 0.004, elements=(3, 2), clamped=False)
+    assert same(former, plate_matrices(Plate(0.3, 0.2, 0.004, elements=(3, 2)), clamped=False))
+
+
+def test_double_beams_by_dimensions_of_which_others_are_the_usual_ones():
+    law = Masing(0.3, 1e12)
+    with pytest.warns(DeprecationWarning):
+        former = double_beam(law, 100.0, elements=4, normal_stiffness=1e8)
+    now = double_beam(law, 100.0, Section(0.5, 0.04, 0.005, elements=4), normal_stiffness=1e8)
+    assert same(former.host, now.host) and former.joints[0].normal_stiffness == now.joints[0].normal_stiffness
+
+
+def test_settings_of_a_hammer_test_by_name():
+    with pytest.warns(DeprecationWarning, match=r"HammerSettings\(estimator='H2', decay=2.0\)"):
+        run = campaign()["bare"]
+        former = hammer(run, "H2", decay=2.0)
+    assert np.array_equal(former.values, hammer(run, HammerSettings("H2", decay=2.0)).values)
+
+
+def test_what_is_no_argument_at_all_is_said_as_by_any_function():
+    with pytest.raises(TypeError, match="lenght"):
+        beam(Section(0.5, 0.04, 0.005), lenght=0.5)
