@@ -55,14 +55,14 @@ def fields_as_arguments(parameter: str, kind: type) -> Callable[[Function], Func
             one_by_one = len(args) > place and not isinstance(args[place], kind)
             if not one_by_one and not any(name in options for name in given):
                 return function(*args, **options)
-            told = dict(zip(former if one_by_one else names, args, strict=False)) | options
-            asked = {name: told.pop(name) for name in given if name in told}
-            base = told.pop(parameter, parameters[parameter].default)
-            told[parameter] = kind(**asked) if base is Parameter.empty else replace(base, **asked)
-            said = ", ".join(f"{name}={value!r}" for name, value in asked.items())
+            bound = dict(zip(former if one_by_one else names, args, strict=False)) | options
+            asked = {name: bound.pop(name) for name in given if name in bound}
+            base = bound.pop(parameter, parameters[parameter].default)
+            bound[parameter] = kind(**asked) if base is Parameter.empty else replace(base, **asked)
+            shown = ", ".join(f"{name}={value!r}" for name, value in asked.items())
             name = getattr(function, "__name__", "it")
-            warn(f"{name} takes {parameter}={kind.__name__}({said})", DeprecationWarning, stacklevel=2)
-            return function(**told)
+            warn(f"{name} takes {parameter}={kind.__name__}({shown})", DeprecationWarning, stacklevel=2)
+            return function(**bound)
 
         return cast(Function, call)
 

@@ -33,7 +33,8 @@ records whose noise is a hundredth of their vibration is a few hundredths.
 
 Of 80 clean random and swept tests with noise of 0.01 to 10 %, and of 80 with noise of the force as well, none is named.
 Where samples of all channels or of one are lost, errors are 0.1 to 4, and 154 of 160 tests are named; with 0.2 it is
-152. The choice between 0.1, 0.2 and 0.3 was made on these tests.
+152. The choice between 0.1, 0.2 and 0.3 was made on these tests. Of 100 others with lost samples 91 are named, of 50
+clean ones none.
 """
 
 SILENT = 0.3

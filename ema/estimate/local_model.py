@@ -6,7 +6,7 @@ common to all responses and to all records or blocks: ``Y_o = (B_o U + C_o) / A 
 maximum likelihood, and ``G = B_o / A`` at the centre.
 
 The linear problem ``A Y_o = B_o U + C_o + A V_o`` (Levy 1959) has the noise of the responses among its regressors,
-which draws A towards 1 and the peaks down: by half where the noise of a line is a third of the peak and the peak five
+which draws A towards 1 and the peaks down: by a third where the noise of a line is 30 % of the peak and the peak five
 lines wide. It gives the start, weighted once by its own A (Sanathanan and Koerner 1963); Gauss-Newton steps from there
 have the modelled responses in place of the measured ones. Sources: McKelvey and Guerin 2012 (local rational method);
 Pintelon, Schoukens, Vandersteen and Barbe 2010 (local polynomial method, variance); Golub and Pereyra 1973 and Kaufman
@@ -160,15 +160,15 @@ def _solved(parts: Sequence[_Part], powers: Float[np.ndarray, "k line degree"]) 
     sums = np.sum(weights, axis=0)
     share = np.divide(weights, sums, out=np.zeros_like(weights), where=sums > 0)
     through = np.divide(through, sums, out=np.zeros_like(through), where=sums > 0)
-    # The denominator is known as well as the responses tell, or, where it has a root that cancels, to its prior.
+    # Where a root of the denominator cancels against the numerators the responses do not determine it: the prior does.
     white = _whitened(parts, noise)
     information, _ = _normal_equations([_fit(part, denominator) for part in white], denominator, powers)
     covariance = np.linalg.inv(information + _prior(a))
     variance = np.einsum("akoi,kab,bkoi->koi", through, covariance, through.conj(), optimize=True).real
     variance += np.divide(1, sums, out=np.full_like(sums, np.inf), where=sums > 0)
     alone = _line_variance(parts, noise)
-    told = np.isfinite(variance) & np.isfinite(alone)
-    ratio = np.where(told, alone, 1.0) / np.where(told, np.maximum(variance, 1e-300), 1.0)
+    known = np.isfinite(variance) & np.isfinite(alone)
+    ratio = np.where(known, alone, 1.0) / np.where(known, np.maximum(variance, 1e-300), 1.0)
     return Local(
         np.sum(share * values, axis=0),
         variance,
@@ -224,7 +224,7 @@ def _denominator(
 
 
 def _prior(a: Complex[np.ndarray, "k degree"]) -> Float[np.ndarray, "k degree degree"]:
-    """Information on the coefficients of a denominator that nothing has told: a root anywhere around the lines."""
+    """Information on the coefficients of a denominator before the data: its roots may lie anywhere around the lines."""
     return np.asarray(np.eye(DEGREE) / (1 + np.sum(np.abs(a) ** 2, axis=1))[:, None, None])
 
 

@@ -263,7 +263,7 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     weights: Any = 0.0
     noise: Any = 0.0
     power: Any = 0.0
-    told: list[tuple[int, Any]] = []
+    effective: list[tuple[int, Any]] = []
     single = SingleBlocks()
     for names, blocks in _together(run, records, length, progress):
         estimate = local_model.local_model(blocks)
@@ -272,7 +272,7 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         weight = np.where(np.isfinite(estimate.variance), 1 / np.maximum(estimate.variance, 1e-300), 0.0)
         weighted, weights = weighted + weight * estimate.values, weights + weight
         noise, power = noise + estimate.noise, power + estimate.power
-        told.append((len(blocks), estimate.effective_lines))
+        effective.append((len(blocks), estimate.effective_lines))
     _driven(weights, layout.inputs, channels.describe(run))
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
     values = weighted / weights
@@ -283,7 +283,9 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         "variance": 1 / weights,
         "averages": np.full(values.shape[1:], float(single.count)),
         "deviations": _deviations(values, single),
-        "effective_lines": np.average([lines for _, lines in told], axis=0, weights=[count for count, _ in told]),
+        "effective_lines": np.average(
+            [lines for _, lines in effective], axis=0, weights=[count for count, _ in effective]
+        ),
         "findings": about_records(
             single, [first.channels[row].name for row in layout.responses], channels.describe(run)
         ),

@@ -517,8 +517,8 @@ def loss(
 ) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
     """Variance of poles and of shapes over that for errors independent from line to line, each mode.
 
-    Where lines were smoothed together, no fit of them knows more than the lines ``by_themselves`` tell, with these
-    weights: around peaks that are as narrow as the smoothing their errors follow the shape of the peak, which the mean
+    Where lines were smoothed together, they hold no more information than the lines by themselves, whose weights are
+    ``by_themselves``: around peaks as narrow as the smoothing, errors follow the shape of the peak, which the mean
     correlation of the residual does not show.
     """
     lines = LineCorrelation.of(data, fit)
@@ -527,8 +527,8 @@ def loss(
         weight = np.mean(by_themselves, axis=(0, 1))
         for place, power in enumerate((2, 1)):
             function = np.abs(data.s - fit.poles[:, None]) ** (-2 * power)
-            told = (function @ lines.weight**2) / (function @ weight)
-            factors[place] = np.maximum(factors[place], told)
+            least = (function @ lines.weight**2) / (function @ weight)
+            factors[place] = np.maximum(factors[place], least)
     return factors[0], factors[1]
 
 
