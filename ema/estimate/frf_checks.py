@@ -8,6 +8,7 @@ from jaxtyping import Float
 from ema.data import Finding, FrfSet, HitGallery, ModalModel
 from ema.dof import match
 from ema.errors import InputError
+from ema.estimate.channel_phase import about_phases
 from ema.estimate.turned_sensors import turned_sensors
 
 LOW_COHERENCE = 0.8
@@ -72,6 +73,7 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
     findings += conjugate or _drive_points(alive)
     findings += _reciprocity(alive)
     findings += turned_sensors(alive, peaks)
+    findings += [] if conjugate else about_phases(alive)
     if hits is not None:
         findings += _beyond_force(alive, hits, peaks)
     return tuple(findings)

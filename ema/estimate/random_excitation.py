@@ -150,6 +150,7 @@ def shaker(
     parts, beyond = _within(parts, band, where)
     findings = (
         *parts.pop("findings", ()),
+        *stated_excitation.about_kind(run),
         *drift.findings(first.channels, where),
         *beyond,
         *clipping.about_records(run),

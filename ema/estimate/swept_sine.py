@@ -155,6 +155,7 @@ def sweep(
     other = () if periodic else stated_excitation.about_repeats(run, *frequencies[keep][[0, -1]])
     of_records = (
         *other,
+        *stated_excitation.about_kind(run),
         *drift.findings(first.channels, where),
         *differing,
         *clipping.about_records(run),
