@@ -7,14 +7,15 @@ where a sweep begins, breaks nothing: the responses follow it.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.ndimage
 import scipy.signal
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ema.data import Finding, Recording, Run
+from ema.data.stored_signals import StoredSignals
 from ema.estimate import channels
 
 ORDER = 16
@@ -64,16 +65,66 @@ class Break:
 
 
 def about_breaks(run: Run) -> tuple[Finding, ...]:
-    """A finding for the record of a random or swept test that breaks most often."""
+    """A finding for the record of a hammer, random or swept test that breaks most often."""
     worst: tuple[Recording, list[Break]] | None = None
+    bent: tuple[Recording, list[int]] | None = None
     count = 0
     size = sum(record.signals.shape[0] * record.signals.shape[1] for record in run.recordings)
     for record in run.recordings:
-        found = breaks(record, every=-(-size // MOST))
+        suspected = breaks(record, every=-(-size // MOST))
+        found = _beyond_powers(record, suspected)
+        if suspected and not found and bent is None:
+            bent = record, sorted({row for one in suspected for row in one.rows})
         count += bool(found)
         if found and (worst is None or len(found) > len(worst[1])):
             worst = record, found
-    return () if worst is None else (_finding(run, *worst, count),)
+    if worst is not None:
+        return (_finding(run, *worst, count),)
+    return () if bent is None else (_about_powers(run, *bent),)
+
+
+def _beyond_powers(record: Recording, found: Sequence[Break]) -> list[Break]:
+    """Breaks that squares and cubes of the force and of the channel itself do not explain.
+
+    A sensor that bends with its signal departs from a linear prediction at every peak, and breaks nowhere.
+    """
+    if not found:
+        return []
+    layout = channels.layout(record, record.name)
+    left: dict[int, Int[np.ndarray, place]] = {}
+    for row in {row for one in found for row in one.rows}:
+        signals = np.array([record.signals[each] for each in (*layout.references, row)], dtype=np.float64)
+        signals -= signals.mean(axis=1, keepdims=True)
+        signals /= np.maximum(signals.std(axis=1, keepdims=True), 1e-300)
+        signals = np.vstack([signals[:-1], signals**2, signals**3, signals[-1:]])
+        means, sizes = signals.mean(axis=1, keepdims=True), signals.std(axis=1, keepdims=True)
+        count, inputs = len(layout.references), len(signals) - 1
+        filters = _learnt(signals, range(inputs + 1), means, np.maximum(sizes, 1e-300), inputs)
+        broken, _ = _broken((signals - means) / np.maximum(sizes, 1e-300), filters, inputs, forces=count)
+        left[row] = np.flatnonzero(broken[0])
+    kept = (replace(one, rows=tuple(row for row in one.rows if _near(left[row], one.sample))) for one in found)
+    return [one for one in kept if one.rows]
+
+
+def _near(places: Int[np.ndarray, "place"], sample: int) -> bool:
+    return bool(np.any(np.abs(places - sample) <= NEAR + ORDER))
+
+
+def _about_powers(run: Run, record: Recording, rows: Sequence[int]) -> Finding:
+    """What is to be said of signals that only their squares and cubes explain."""
+    return Finding.of(
+        "warning",
+        "static-nonlinearity",
+        channels.describe(run, record),
+        "signals depart at their peaks from what a linear system leads to, and follow with their squares and cubes: "
+        "{count} response channels, first {first}. A sensor bends with its signal, or the structure is not symmetric. "
+        "FRFs are those of one level.",
+        float(len(rows)),
+        0.0,
+        advice="Check range, mounting and calibration of the sensor; measure at half the level and compare.",
+        count=len(rows),
+        first=record.channels[rows[0]].name,
+    )
 
 
 def breaks(record: Recording, every: int = 1) -> list[Break]:
@@ -95,14 +146,14 @@ def breaks(record: Recording, every: int = 1) -> list[Break]:
     alive, inputs = sizes[:, 0] > 0, len(layout.references)
     if not alive[:inputs].any():
         return []
-    filters = _learnt(record, every_row, means, np.maximum(sizes, 1e-300), inputs)
+    filters = _learnt(record.signals, every_row, means, np.maximum(sizes, 1e-300), inputs)
     found: list[Break] = []
     margin = 2 * BESIDE + ORDER
     together = max(_AT_ONCE // len(every_row), 8 * margin)
     for start in range(0, samples, together):
         first, last = max(start - margin, 0), min(start + together + margin, samples)
         part = (record.signals[every_row, first:last] - means) / np.maximum(sizes, 1e-300)
-        broken, size = _broken(part, filters, inputs)
+        broken, size = _broken(part, filters, inputs, forces=inputs)
         broken &= alive[inputs:, None]
         inside = slice(start - first, min(start + together, samples) - first)
         found += _places(broken[:, inside], size[:, inside], rows, start)
@@ -110,16 +161,16 @@ def breaks(record: Recording, every: int = 1) -> list[Break]:
 
 
 def _learnt(
-    record: Recording, rows: Sequence[int], means: np.ndarray, sizes: np.ndarray, inputs: int
+    signals: np.ndarray | StoredSignals, rows: Sequence[int], means: np.ndarray, sizes: np.ndarray, inputs: int
 ) -> list[Float[np.ndarray, "signal tap"]]:
     """For each response the filters of the forces and of the response itself that leave the error of its prediction."""
-    samples = record.signals.shape[1]
+    samples = signals.shape[1]
     stretches, length = LEARNT
     starts = np.unique(np.linspace(0, max(samples - length, 0), stretches).round().astype(int))
     stretch = [slice(a, a + length) for a in starts]
 
     def scaled(row: int) -> list[Float[np.ndarray, "sample"]]:
-        return [(record.signals[rows[row], part] - means[row]) / sizes[row] for part in stretch]
+        return [(signals[rows[row], part] - means[row]) / sizes[row] for part in stretch]
 
     forces = np.hstack([np.vstack([_lagged(part, 0) for part in scaled(row)]) for row in range(inputs)])
     filters = []
@@ -147,7 +198,11 @@ def _lagged(signal: Float[np.ndarray, "sample"], least: int) -> Float[np.ndarray
 
 
 def _broken(
-    part: Float[np.ndarray, "signal sample"], filters: Sequence[Float[np.ndarray, "input tap"]], inputs: int
+    part: Float[np.ndarray, "signal sample"],
+    filters: Sequence[Float[np.ndarray, "input tap"]],
+    inputs: int,
+    *,
+    forces: int,
 ) -> tuple[Bool[np.ndarray, "out sample"], Float[np.ndarray, "out sample"]]:
     """Where the responses of a stretch break, and the errors of their predictions over their rms."""
     size = np.empty((len(filters), part.shape[1]))
@@ -159,7 +214,7 @@ def _broken(
     broken = (size > LARGE) & (size > CLEAR * _beside(size))
     broken[:, : NEAR + ORDER], broken[:, -NEAR:] = False, False
     switched = np.zeros(part.shape[1], bool)
-    for force in part[:inputs]:
+    for force in part[:forces]:
         before, after = _sides(force)
         switched |= np.minimum(before, after) < SILENT * np.maximum(before, after)
     if switched.any():

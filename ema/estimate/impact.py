@@ -18,6 +18,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import (
     applied_window,
+    breaks,
     channels,
     clipping,
     equal_channels,
@@ -242,6 +243,7 @@ def hammer_test(
     gallery = _gallery(takes, judged, sums, length, rate)
     findings += [
         *clipping.about_normal_forces(run),
+        *breaks.about_breaks(run),
         *equal_channels.about_channels(run),
         *hammer_findings.about_force(judged, where),
         *hammer_findings.about_impacts(judged, where),

@@ -142,7 +142,6 @@ def shaker_run(rng, structure: Beam, noise=0.01, samples=16384, kind="random", f
     rate = structure.rate
     if force is None:
         force = {"random": random_force, "sweep": sweep_force}[kind](rng, samples, rate)
-    settle = 0 if kind == "sweep" else 0
-    signals = measured(rng, force, structure.answer(force), noise)[:, settle:]
+    signals = measured(rng, force, structure.answer(force), noise)
     signals = fault(signals) if fault else signals
     return Run("shaker", Condition(Excitation(kind)), (record(signals, rate),))

@@ -1,0 +1,153 @@
+"""Faults of signals that leave plausible FRFs: late channels, forces of another kind, spikes, bent sensors."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from ema.data import Condition, Excitation, Finding, FrfSet, Run
+from ema.estimate import hammer, quality, shaker, sweep
+from ema.estimate.breaks import about_breaks, breaks
+from ema.estimate.stated_excitation import kind_of
+from tests.unit import measured_signals as drawn
+
+ESTIMATES: dict[str, Callable[[Run], FrfSet]] = {"hammer": hammer, "random": shaker, "sweep": sweep}
+PHASES = {"channel-delay", "channel-high-pass"}
+KINDS = ("hammer", "random", "sweep")
+Fault = Callable[[np.ndarray], np.ndarray]
+
+
+def told(run: Run) -> tuple[Finding, ...]:
+    kind = run.condition.excitation.kind
+    frfs = ESTIMATES[kind](run)
+    rate = run.recordings[0].sampling_rate
+    return (*frfs.findings, *quality(frfs.band(0.002 * rate, 0.4 * rate)))
+
+
+def said(run: Run, codes: set[str]) -> list[Finding]:
+    return [one for one in told(run) if one.code in codes]
+
+
+def run_of(seed: int, kind: str, fault: Fault | None = None, points: int = 4) -> Run:
+    rng = np.random.default_rng(seed)
+    beam = drawn.beam(rng, points=points)
+    noise = 10 ** rng.uniform(-3, -2)
+    if kind == "hammer":
+        return drawn.hammer_run(rng, beam, noise, fault=fault)
+    return drawn.shaker_run(rng, beam, noise, kind=kind, fault=fault)
+
+
+def late(row: int, samples: int = 1) -> Fault:
+    def fault(signals: np.ndarray) -> np.ndarray:
+        result = signals.copy()
+        result[row, samples:], result[row, :samples] = signals[row, :-samples], signals[row, 0]
+        return result
+
+    return fault
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_a_channel_one_sample_late_is_named_with_its_delay(seed: int, kind: str) -> None:
+    (found,) = said(run_of(seed, kind, late(2)), PHASES)
+    assert found.code == "channel-delay" and "2:+Z" in found.where
+    assert found.value == pytest.approx(1 / 2048, abs=0.15 / 2048)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_force_one_sample_late_is_told_of_the_force(kind: str) -> None:
+    (found,) = said(run_of(21, kind, late(0)), PHASES)
+    assert found.value == pytest.approx(1 / 2048, abs=0.15 / 2048)
+    assert "responses" in found.message
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(31, 37))
+def test_channels_in_time_are_not_called_late(seed: int, kind: str) -> None:
+    assert not said(run_of(seed, kind, points=1 + seed % 5), {*PHASES, "excitation-not-as-stated"})
+
+
+def test_a_channel_behind_a_high_pass_filter_is_named_where_low_lines_are_measured() -> None:
+    def coupled(signals: np.ndarray) -> np.ndarray:
+        b, a = scipy.signal.butter(1, 40.0, "high", fs=2048.0)
+        return np.vstack([signals[:3], scipy.signal.lfilter(b, a, signals[3:4]), signals[4:]])
+
+    found = said(run_of(41, "random", coupled), PHASES)
+    assert [(one.code, "3:+Z" in one.where) for one in found] == [("channel-high-pass", True)]
+    assert found[0].value == pytest.approx(40.0, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("true", "stated"), [("sweep", "random"), ("random", "sweep"), ("hammer", "sweep"), ("hammer", "random")]
+)
+def test_a_force_of_another_kind_than_stated_is_named(true: str, stated: str) -> None:
+    run = replace(run_of(51, true), condition=Condition(Excitation(stated)))  # type: ignore[arg-type]
+    (found,) = said(run, {"excitation-not-as-stated"})
+    assert found.severity == ("warning" if true == "sweep" else "error")
+
+
+def test_steps_in_one_record_stated_as_random_are_named() -> None:
+    rng = np.random.default_rng(61)
+    step = np.minimum(np.arange(16384 * drawn.FINER) * 30 // (16384 * drawn.FINER), 29)
+    force = 10 * np.sin(2 * np.pi * np.cumsum(np.linspace(0.02, 0.38, 30)[step]) / drawn.FINER)
+    (found,) = said(drawn.shaker_run(rng, drawn.beam(rng), force=force), {"excitation-not-as-stated"})
+    assert "steps" in found.message
+
+
+def forces(rng: np.random.Generator, samples: int) -> dict[str, np.ndarray]:
+    """Forces in closed form or filtered noise, by what they are."""
+    time, noise = np.arange(samples), rng.standard_normal(samples)
+    low, high = 0.01, 0.4
+    rising = np.sin(2 * np.pi * (low * time + 0.5 * (high - low) * time**2 / samples))
+    growth = np.log(high / low)
+    period = samples // 4
+    burst = np.where(np.arange(samples) % period < rng.uniform(0.3, 0.8) * period, noise, 0.0)
+    return {
+        "random": noise,
+        "random, coloured": scipy.signal.lfilter(*scipy.signal.butter(2, rng.uniform(0.05, 0.2), fs=1), noise),
+        "random, bursts": burst,
+        "random, with a tone": noise + 0.7 * np.sin(0.3 * time),
+        "sweep": rising + 0.05 * noise,
+        "sweep, logarithmic": np.sin(2 * np.pi * low * samples / growth * (np.exp(time / samples * growth) - 1)),
+        "sweep, with a pause": np.where(time < 0.7 * samples, rising, 0.0),
+        "sweep, with harmonics": rising + 0.2 * rising**3 + 0.1 * rising**2,
+    }
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_kind_of_a_force_is_never_another_one(seed: int) -> None:
+    for name, force in forces(np.random.default_rng(seed), 8192 * 2 ** (seed % 3)).items():
+        assert kind_of(force) in (name.split(",")[0], None), name
+
+
+@pytest.mark.parametrize("seed", [71, 72, 73])
+def test_a_spike_in_a_response_to_an_impact_is_a_break(seed: int) -> None:
+    def spiked(signals: np.ndarray) -> np.ndarray:
+        result = signals.copy()
+        result[2, 700] += 0.5 * np.abs(result[2]).max()
+        return result
+
+    (found,) = said(run_of(seed, "hammer", spiked), {"signals-break"})
+    assert "a2" in found.message
+    assert not said(run_of(seed, "hammer"), {"signals-break"})
+
+
+@pytest.mark.parametrize("seed", [200, 201, 202, 203, 205])
+def test_a_force_sensor_that_bends_is_not_called_a_break(seed: int) -> None:
+    def bent(signals: np.ndarray) -> np.ndarray:
+        return np.vstack([signals[:1] + 0.2 * signals[:1] ** 2 / np.abs(signals[0]).max(), signals[1:]])
+
+    run = run_of(seed, "random", bent)
+    assert breaks(run.recordings[0]), "a linear prediction alone takes it for one"
+    assert [one.code for one in about_breaks(run)] == ["static-nonlinearity"]
+
+
+@pytest.mark.parametrize("seed", [201, 211])
+def test_samples_lost_beside_a_bent_sensor_are_a_break(seed: int) -> None:
+    def cut(signals: np.ndarray) -> np.ndarray:
+        signals = np.vstack([signals[:1] + 0.2 * signals[:1] ** 2 / np.abs(signals[0]).max(), signals[1:]])
+        return np.delete(signals, np.s_[7000:7040], axis=1)
+
+    assert [one.code for one in about_breaks(run_of(seed, "random", cut))] == ["signals-break"]
