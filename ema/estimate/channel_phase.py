@@ -23,13 +23,18 @@ its phase tells of a channel. Overlapping modes have less: nothing is said of th
 GAIN = 0.1
 """Rise of that mean by taking a delay off, above which the channel is late: about half a radian at the highest line.
 
-Of 290 clean hammer, random and sweep tests (1 to 7 modes, damping ratios of 0.2 to 8 %, noise of 0.1 to 5 %, 80 of them
-on structures that slip) no channel was named; clean channels with damping ratios below 2 % rose by 0.015 at most, those
+Of 276 clean hammer, random and sweep tests (1 to 7 modes, damping ratios of 0.2 to 8 %, noise of 0.1 to 5 %) no channel
+was named, of 160 on structures that slip one. Clean channels with damping ratios below 2 % rose by 0.015 at most, those
 late by one sample by 0.59 or more. Halved, a delay of 0.7 as much is named; doubled, of 1.4 as much.
 """
 
 GAIN_BELOW = 0.08
-"""The same for a high-pass filter, where lines count by the inverse of their frequency: each octave as much."""
+"""The same for a high-pass filter, where lines count by the inverse of their frequency: each octave as much.
+
+With 0.06, and channels named alone or together, seven of 162 clean tests had one; with this value, and fewer than half
+of the responses, none of 66. A filter at a hundredth of the sampling rate is found in 13 of 66: it shows only where
+lines near its corner are measured, below the lowest resonance.
+"""
 
 SAME = 0.005
 """Fall of the mean in half of the band that is none: a twentieth of ``GAIN``."""
