@@ -31,7 +31,7 @@ late by one sample by 0.59 or more. Halved, a delay of 0.7 as much is named; dou
 GAIN_BELOW = 0.08
 """The same for a high-pass filter, where lines count by the inverse of their frequency: each octave as much.
 
-With 0.06, and channels named alone or together, seven of 162 clean tests had one; with this value, and fewer than half
+With 0.06, and channels named alone or together, three of 180 clean tests had one; with this value, and fewer than half
 of the responses, none of 66. A filter at a hundredth of the sampling rate is found in 13 of 66: it shows only where
 lines near its corner are measured, below the lowest resonance.
 """
