@@ -56,18 +56,20 @@ def verified(condensed: Any, point: Any) -> Verified:
         return Verified(point.error, True)
     if not stays(condensed, point):
         return Verified(1.0, False)
-    harmonic, before, error = condensed.first(point), None, np.inf
-    size, steps = max(float(np.linalg.norm(harmonic)), 1e-300), _FEWEST_STEPS
+    harmonic, before, moved, steps = condensed.first(point), None, np.inf, _FEWEST_STEPS
+    size = max(float(np.linalg.norm(harmonic)), 1e-300)
+    # slip forces that change are taken where a step begins: it errs by its length, and less comes about by chance
+    shrinks = 0.5 if len(condensed.slip_forces(np.zeros(2))) > 1 else 0.0
     while True:
         limit, rest = _settled(condensed, point, steps)
         away = float(np.linalg.norm(limit - harmonic)) / size
         if before is not None:
-            # the steps err by their square where the motion is smooth and at least by their length
-            moved, enough = float(np.linalg.norm(limit - before)) / size, _ENOUGH * max(away, _LEAST)
-            # smaller differences than were asked for come about by chance
-            error = away + max(rest / size, enough) + max(moved, enough)
-            if moved <= enough or steps >= _MOST_STEPS:
-                return Verified(error, True)
+            former, moved = moved, float(np.linalg.norm(limit - before)) / size
+            # else the steps err by their square where the motion is smooth and at least by their length
+            left, enough = max(moved, shrinks * former) if shrinks else moved, _ENOUGH * max(away, _LEAST)
+            if left <= enough or steps >= _MOST_STEPS:
+                # smaller differences than were asked for come about by chance
+                return Verified(away + max(rest / size, enough) + max(left, enough), True)
         before, steps = limit, 2 * steps
 
 

@@ -4,10 +4,14 @@ The truth is the second solver of ``tests.bench.friction_truth``, which knows no
 with DOP853 and with a closed form here. The bench ``tests.bench.stated_errors`` judges many more draws.
 """
 
+import numba as nb
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from ema.data import BeamModel, Damping, Joint, Matrices
+from ema.dof import Dof
+from ema.simulate import HarmonicBalance, Masing, frf
 from ema.simulate.verification import limit_of
 from tests.bench import stated_errors
 from tests.bench.friction_draws import draw
@@ -137,6 +141,70 @@ def test_verified_where_two_extrapolated_limits_agree_by_chance(law, seed):
         draw(law, seed, 0.01), np.random.default_rng([7, stated_errors.LAWS.index(law), seed]), verify=True
     )
     assert row["true"] <= row["stated"] + row["own"]
+
+
+MASSES, DECAY, DRIVEN, MU = np.array([1.0145, 0.5666, 0.6457, 1.1934]), 14.608, 84.97, 0.3
+LOWER = np.array([[235322.0, -95083.0], [-95083.0, 351097.0]])
+UPPER = np.array([[463140.0, -201794.0], [-201794.0, 356716.0]])
+SPRING, PUSH = np.array([55138.0, 565142.0]), 26.685
+PRESSING = np.array(
+    [
+        [7.456, 121.019, 130.791, 26.931, 7.679, 162.668, 157.799, 7.407, 99.657, 21.043],
+        [28.717, 184.825, 127.424, 148.038, 45.401, 151.776, 128.838, 59.22, 91.535, 38.279],
+    ]
+)
+"""kg, 1/s, Hz, N/m, N: two pairs of masses that rub on each other, and their normal forces at tenths of a period."""
+
+
+@nb.njit(cache=True)
+def under_moving_forces(masses, stiffness, steps, periods):
+    """First harmonic of the first mass in the last period, by central differences; slip forces at the ends of steps."""
+    h = 1.0 / DRIVEN / steps
+    x, v, u, f, first = np.zeros(4), np.zeros(4), np.zeros(2), np.zeros(2), 0j
+    for n in range(periods * steps):
+        angle = 2 * np.pi * (n % steps) / steps
+        if n >= (periods - 1) * steps:
+            first += 2.0 / steps * x[0] * np.exp(-1j * angle)
+        for i in range(4):
+            rest = (PUSH * np.cos(angle) if i == 0 else 0.0) + (f[i] if i < 2 else -f[i - 2])
+            for j in range(4):
+                rest -= stiffness[i, j] * x[j]
+            if n == 0:
+                v[i] = 0.5 * h * rest / masses[i]
+            else:
+                v[i] = ((1 - 0.5 * h * DECAY) * v[i] + h * rest / masses[i]) / (1 + 0.5 * h * DECAY)
+        for i in range(4):
+            x[i] += h * v[i]
+        place = 10.0 * ((n + 1) % steps) / steps
+        tenth = int(place)
+        for i in range(2):
+            now, then = PRESSING[i, tenth], PRESSING[i, (tenth + 1) % 10]
+            limit, way = MU * (now + (then - now) * (place - tenth)), x[2 + i] - x[i] - u[i]
+            u[i] += way
+            f[i] = min(max(f[i] + SPRING[i] * way, -limit), limit)
+    return first
+
+
+def test_verified_where_slip_forces_change():
+    """The steps take slip forces where they begin: what they lack falls like their length, not like its square."""
+    parts, zero = [], np.zeros((2, 2))
+    for name, mass, stiffness in (("", MASSES[:2], LOWER), ("beam:", MASSES[2:], UPPER)):
+        dofs = tuple(Dof.parse(f"{name}{node}:{axis}") for axis in ("+X", "+Z") for node in (1, 2))
+        heavy = np.diag(np.append(mass, [1.0, 1.0]))
+        parts.append(Matrices(heavy, np.block([[stiffness, zero], [zero, 1e6 * np.eye(2)]]), dofs))
+    joints = tuple(
+        Joint(f"{n}", ((n + 1, n + 1),), (0.0, 0.0), Masing(MU, SPRING[n]), PRESSING[n].mean(), 1.0) for n in range(2)
+    )
+    model = BeamModel(*parts, joints, Damping(mass_factor=DECAY))
+    settings = HarmonicBalance(verify=True)
+    found = frf(model, np.array([DRIVEN]), PUSH, "1:+X", ["1:+X"], settings, normal_forces=PRESSING)
+    whole = np.block([[LOWER, zero], [zero, UPPER]])
+    firsts = [under_moving_forces(MASSES, whole, 1000 * 2**n, 150) for n in (3, 4, 5)]
+    before, first = 2 * firsts[1] - firsts[0], 2 * firsts[2] - firsts[1]
+    own, size = abs(first - before), abs(first)
+    true = abs(found.values[0, 0, list(found.orders).index(1)] - first)
+    assert own <= 1e-6 * size and true <= found.error_estimate[0] * size + own
+    assert found.error_estimate[0] <= 5e-3
 
 
 def test_limit_of_decaying_waves():
