@@ -23,6 +23,7 @@ from ema.fit.prepare import Prepared, prepare
 from ema.fit.record_end import as_recorded, of_whole_vibration
 from ema.fit.refinement import Refined, Start, known_variance, refined, with_weak, without_needless
 from ema.fit.scaling import scale_to_unit_modal_mass
+from ema.fit.search import OPERATIONS
 from ema.fit.selection import Dropped, Selection, extended, of_poles, reduced, select
 from ema.fit.stabilisation import stabilise
 from ema.fit.uncertainty import PoleErrors
@@ -96,7 +97,7 @@ class Estimate:
     ``shapes`` are residuals that have the shape of a peak; ``compared`` are the modes of the set-ups of a test;
     ``full_set`` has the outputs of a set that is larger than memory; ``uncorrected`` (mode,) are the accepted poles
     that FRFs of Hann blocks show before their leakage is taken off, ``former`` (mode,) those of the last fit but one
-    where that did not converge.
+    where that did not converge; ``stopped`` says that the search for poles was ended (`ema.fit.search.OPERATIONS`).
     """
 
     frfs: FrfSet
@@ -112,6 +113,7 @@ class Estimate:
     uncorrected: Complex[np.ndarray, "first"] | None = None
     former: Complex[np.ndarray, "last"] | None = None
     full_set: FullSet | None = None
+    stopped: bool = False
 
     def model(self, near: Sequence[float] | None = None, index: Sequence[int] | None = None) -> ModalModel:
         """The accepted modes, or those named (`modes`).
@@ -148,7 +150,28 @@ class Estimate:
         late = channel_delay.delays(model, self.data.swapped)
         model = channel_delay.widened(model, late, self.data.swapped)
         peaks = (*peaks, *channel_delay.findings(late, self.band.name or "fit"))
-        return replace(model, findings=(*notes, *self._leakage(model), *peaks, *model.findings))
+        return replace(model, findings=(*self._search(), *notes, *self._leakage(model), *peaks, *model.findings))
+
+    def _search(self) -> tuple[Finding, ...]:
+        """That the search was ended, and what it left."""
+        if not self.stopped:
+            return ()
+        left = self.optimum.fit.cost / max(self.optimum.data.energy, np.finfo(float).tiny)
+        return (
+            Finding.of(
+                "warning",
+                "search-ended",
+                self.band.name or "fit",
+                "The search for modes was ended after {operations} operations, and what it leaves "
+                "({left} of the energy of the FRFs over their noise level) is no noise: the FRFs are hardly those of "
+                "a linear structure with a few modes.",
+                float(left),
+                advice="Look at the FRFs and the channel table (is the force channel the force?), or choose a narrower "
+                "band.",
+                operations=f"{OPERATIONS:.0e}",
+                left=f"{left:.2g}",
+            ),
+        )
 
     def _unsettled(self, model: ModalModel) -> ModalModel:
         """The model with what the last turn of taking off the leakage still changed in its intervals."""
@@ -331,7 +354,7 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress, searches: int = _S
     left_out = natural_frequencies(np.array([one.pole for one in dropped], complex))
     verdict = judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out, added_decay=band.added_decay)
     shapes = peak_shape.examine(optimum, errors, verdict.possible)
-    return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes)
+    return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes, stopped=chosen.stopped)
 
 
 def _changed(

@@ -55,6 +55,25 @@ class Background:
         """The first columns alone."""
         return Background(self.poles, self.mixing[:, :columns])
 
+    def on_lines(self, found: "Functions") -> Float[np.ndarray, "column line_part"]:
+        """The columns on every line, among the functions of a model that has these terms."""
+        parts = found.values[: 2 * found.count].reshape(2, found.count, -1)[:, -len(self.poles) - 2 :]
+        return np.asarray(self.mixing.T @ parts.reshape(len(self.mixing), -1))
+
+    def products(
+        self, found: "Functions", weights: Float[np.ndarray, "*row line"]
+    ) -> Float[np.ndarray, "*row column column"]:
+        """Products of the columns with each other under some weights.
+
+        Line by line: a thousandth of a function may be all that a column has (`RESIDUAL_RANK`), and the partial
+        fractions of functions whose poles lie far below most of the band leave no digits for that.
+        """
+        columns = self.on_lines(found)
+        pairs = columns[:, None] * columns
+        pairs = pairs[..., ::2] + pairs[..., 1::2]
+        flat = weights.reshape(-1, weights.shape[-1]) @ pairs.reshape(-1, pairs.shape[-1]).T
+        return np.asarray(flat.reshape(*weights.shape[:-1], *pairs.shape[:2]))
+
 
 def background(
     s: Complex[np.ndarray, "line"], weight: Float[np.ndarray, "line"], poles: Complex[np.ndarray, "term"]
@@ -121,30 +140,37 @@ def functions(
     values[count - 2 : count], values[2 * count - 2 : 2 * count] = powers[1::-1], 0
     step = max(1, _IN_CACHE // lines)
     for first in range(0, len(every), step):
-        some = np.arange(first, min(first + step, len(every)))
-        direct, mirrored = _reciprocal(s.imag, every[some]), _reciprocal(s.imag, every[some].conj())
-        _place(values[some[0] :], count, sums[some[0] :], of_sums + 3, direct, mirrored)
-        if first < modes:
-            some = some[some < modes]
-            own = values[2 * count + first :], modes, sums[len(every) + first :], of_sums + 3
-            _place(*own, direct[: len(some)] ** 2, mirrored[: len(some)] ** 2)
+        some = every[first : first + step]
+        direct, mirrored = _reciprocal(s.imag, some), _reciprocal(s.imag, some.conj())
+        _put(values, first, count, _both(direct, mirrored))
+        # a(p) = 2 p / (s^2 - p^2): the difference of its two fractions loses the digits of a slow pole at fast lines.
+        both = _reciprocal_of_squares(s.imag, some)
+        summand = 2 * some[:, None] * both
+        _put(sums, first, of_sums + 3, (summand.real, summand.imag))
+        own = max(0, min(modes - first, len(some)))
+        _put(values, 2 * count + first, modes, _both(direct[:own] ** 2, mirrored[:own] ** 2))
+        square = 2 * both[:own] + summand[:own] ** 2
+        _put(sums, len(every) + first, of_sums + 3, (square.real, square.imag))
     return Functions(count, values.view(float), sums)
 
 
-def _place(
-    values: Complex[np.ndarray, "part line"],
-    to_imaginary: int,
-    sums: Float[np.ndarray, "sum line"],
-    to_imaginary_sums: int,
-    direct: Complex[np.ndarray, "function line"],
-    mirrored: Complex[np.ndarray, "function line"],
-) -> None:
-    """Write some functions, and their summands, into the arrays of `Functions`."""
-    count = len(direct)
-    values[:count], values[to_imaginary : to_imaginary + count] = _both(direct, mirrored)
-    # 1 / (s - conj(p)) is -conj(1 / (s + p)).
-    sums[:count] = values[:count].real
-    sums[to_imaginary_sums : to_imaginary_sums + count] = direct.imag - mirrored.imag
+def _put(rows: np.ndarray, first: int, to_imaginary: int, parts: tuple[np.ndarray, np.ndarray]) -> None:
+    """Write what belongs to real and what to imaginary parts into rows that lie so far apart."""
+    real, imaginary = parts
+    rows[first : first + len(real)] = real
+    rows[first + to_imaginary : first + to_imaginary + len(real)] = imaginary
+
+
+def _reciprocal_of_squares(
+    omega: Float[np.ndarray, "line"], poles: Complex[np.ndarray, "pole"]
+) -> Complex[np.ndarray, "pole line"]:
+    """``1 / ((j omega)^2 - p^2)``."""
+    decay, place = -poles.real[:, None], poles.imag[:, None]
+    real, imaginary = (omega - place) * (omega + place) + decay**2, 2 * decay * place
+    result = np.empty((len(poles), len(omega)), complex)
+    energy = real**2 + imaginary**2
+    result.real, result.imag = -real / energy, -imaginary / energy
+    return result
 
 
 def _reciprocal(

@@ -89,6 +89,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
         if turn >= again and len(fit.poles) == before:
             break
         fit = _optimum(flat, _spared(flat, fit))
+    fit = estimator.with_orthogonal_matrices(flat, fit)
     factor = fit.variance_factor(flat)
     of_poles, of_shapes = loss(flat, fit, _by_themselves(flat, data.derivative, band, known))
     between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
@@ -315,6 +316,7 @@ def _with_all_residual_terms(flat: Observations, fit: Fit, terms: model.Backgrou
         return fit
     rest = np.concatenate([fit.rest, np.zeros((*fit.rest.shape[:-1], terms.mixing.shape[1] - columns))], axis=-1)
     wide = estimator.evaluate(flat, fit.poles, fit.participation, terms, (fit.shapes, rest))
+    wide = estimator.with_orthogonal_matrices(flat, wide)
     return replace(wide, shapes=fit.shapes, rest=rest, cost=fit.cost)
 
 

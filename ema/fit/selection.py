@@ -14,14 +14,14 @@ from jaxtyping import Bool, Complex, Float, Int
 from ema.data import PoleTable, damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.candidates import Candidates, inside, like_modes, of_table, zoom
-from ema.fit.estimator import Fit, Observations
+from ema.fit.estimator import Fit, Observations, Work
 from ema.fit.line_correlation import LineCorrelation
 from ema.fit.narrow import TONE, tones
 from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
 from ema.fit.policy import POLICY, passes_for_mode
 from ema.fit.prepare import Prepared
-from ema.fit.search import MISFIT, Noise, beyond, complete, hidden, misfit, prune, search
+from ema.fit.search import MISFIT, OPERATIONS, Noise, beyond, complete, hidden, misfit, prune, search
 from ema.messages import mark
 
 _ROUNDS = 100
@@ -58,7 +58,8 @@ class Selection:
 
     ``starts`` are the bins of ``data``; ``possible`` (pole,) marks those that can be modes (in the band, oscillating);
     ``alone`` (pole,) is the probability that no other mode hides under each; ``trusted`` says that the residual is
-    noise; ``dropped`` are poles that are not in the fit any more.
+    noise; ``dropped`` are poles that are not in the fit any more; ``stopped`` says that the search took more than it
+    may (`search.OPERATIONS`) and was ended.
     """
 
     fit: Fit
@@ -69,6 +70,7 @@ class Selection:
     alone: Float[np.ndarray, "pole"]
     trusted: bool
     dropped: tuple[Dropped, ...] = ()
+    stopped: bool = False
 
 
 def select(
@@ -85,14 +87,16 @@ def select(
     band = table.band
     everything = of_table(table, added_decay)
     chosen = everything.keep(everything.persistence >= min(POLICY.persistence, everything.persistence.max(initial=0)))
-    state = _observe(prepared, chosen)
+    work = Work()
+    work.allow(OPERATIONS)
+    state = _observe(prepared, chosen, work)
     for share in (6, 20):
         found = zoom(prepared, state.data, state.fit, share)
         larger = Candidates(state.fit.poles, state.fit.participation, np.ones(len(state.fit.poles))).joined(found)
         if len(larger.poles) == len(state.fit.poles):
             break
         everything = everything.joined(found)
-        state = _observe(prepared, larger)
+        state = _observe(prepared, larger, work)
     dropped: list[Dropped] = []
     state = state.with_correlated(_correlated_noise(prepared, state, known))
     result = _trusting(prepared, state, band, dropped)
@@ -100,10 +104,12 @@ def select(
         # What correlated were modes that were not in the fit yet.
         dropped, state = [], state.with_correlated(False)
         result = _trusting(prepared, state, band, dropped)
-    trusted = result is not None
+    trusted, stopped = result is not None, work.over
     if result is None:
         dropped = []
         result = _doubting(state.with_correlated(False), everything, band, dropped)
+    # The search is over; what follows has few poles.
+    work.allow(np.inf)
     fit = result.fit
     possible = like_modes(fit.poles, band)
     alone = _alone(result.data, fit, band, possible) if trusted else np.ones(len(fit.poles))
@@ -117,6 +123,7 @@ def select(
         alone=alone,
         trusted=trusted,
         dropped=tuple(lost),
+        stopped=stopped,
     )
 
 
@@ -226,7 +233,8 @@ def _trusting(
         for pole, why in gone
         if inside(np.array([pole]), band)[0] and damping_ratios(np.array([pole]))[0] <= POLICY.heaviest
     ]
-    if hidden(state.data, state.fit, band) > enough or estimator.correlation(state.data, state.fit) > 0.5 * MISFIT:
+    no_noise = estimator.correlation(state.data, state.fit) > 0.5 * MISFIT
+    if hidden(state.data, state.fit, band) > enough or no_noise or state.data.work.over:
         return None
     return state.with_fit(beyond(state.data, estimator.determined(state.data, state.fit)[0], band))
 
@@ -243,12 +251,13 @@ def _rebinned(prepared: Prepared, state: "_State", fit: Fit) -> "_State":
     """A fit on bins made for its poles; each line has the noise of its bin."""
     noise = np.repeat(state.noise.lines, np.diff(np.append(state.starts, len(prepared.frequencies))))
     prepared = replace(prepared, noise=replace(prepared.noise, lines=noise))
-    again = _observe(prepared, Candidates(fit.poles, fit.participation, np.ones(len(fit.poles))))
-    return again.with_correlated(state.data.correlated)
+    candidates = Candidates(fit.poles, fit.participation, np.ones(len(fit.poles)))
+    return _observe(prepared, candidates, state.data.work).with_correlated(state.data.correlated)
 
 
 def _doubting(state: "_State", candidates: Candidates, band: tuple[float, float], dropped: list[Dropped]) -> "_State":
     """Take what stands out of a misfit: peaks of their own, or poles that the model orders agree on."""
+    state.data.work.allow(OPERATIONS / 2)
     weighted = _reweight(state, 3)
     weighted = weighted.with_fit(_eliminate(weighted.data, weighted.fit, candidates, band, dropped))
     if inside(weighted.fit.poles, band).any():
@@ -280,12 +289,13 @@ class _State:
         return replace(self, data=replace(self.data, correlated=correlated))
 
 
-def _observe(prepared: Prepared, candidates: Candidates) -> _State:
+def _observe(prepared: Prepared, candidates: Candidates, work: Work) -> _State:
     """Weighted data in bins that are fine where the candidates are, and a first, rough refinement of these."""
     starts = estimator.bins(prepared.frequencies, candidates.poles)
     middle = (starts + np.append(starts[1:], len(prepared.frequencies)) - 1) // 2
     noise = replace(prepared.noise, lines=prepared.noise.lines[middle])
     data = estimator.observe(prepared.frequencies, prepared.values, prepared.derivative, noise, starts)
+    data = replace(data, work=work)
     terms = estimator.residual_terms(data, estimator.fixed_poles(prepared.frequencies))
     fit = estimator.evaluate(data, candidates.poles, candidates.participation, terms)
     fit = estimator.refine(data, fit, iterations=4)
@@ -330,18 +340,14 @@ def _eliminate(
     candidates: Candidates,
     band: tuple[float, float],
     dropped: list[Dropped],
-    trusting: bool = False,
 ) -> Fit:
-    """Take out, one after the other, what noise or misfit explains and what repeats a neighbour.
-
-    ``trusting`` takes the residual for noise, whatever it looks like.
-    """
+    """Take out, one after the other, what noise or misfit explains and what repeats a neighbour."""
     limit = _threshold(data, 2 * len(fit.participation))
     for _ in range(_ROUNDS):
         if not len(fit.poles):
             break
         factor = max(fit.variance_factor(data), 1e-300)
-        correlation = 0.0 if trusting else estimator.correlation(data, fit)
+        correlation = estimator.correlation(data, fit)
         gain = estimator.gains(data, fit) / factor
         required = limit * misfit(data, fit, band, factor, correlation)
         reasons = {
@@ -352,6 +358,10 @@ def _eliminate(
         # Leaving one out can make another one needed, so the weaker ones go first.
         weakest = sorted(reasons, key=lambda k: gain[k] / required[k])[: (len(reasons) + 2) // 3]
         reasons = {k: reasons[k] for k in weakest}
+        if data.work.over:
+            # What makes no peak of its own is the first to go when there is no time to ask each.
+            flat = np.flatnonzero(estimator.dominance(data, fit) < POLICY.visible).tolist()
+            reasons |= dict.fromkeys(flat, mark("it makes no peak of its own, and the search was ended"))
         if not reasons and correlation > MISFIT:
             doubtful = (_persistence(fit, candidates) < POLICY.persistence) | (_collinearity(fit) < _COLLINEAR)
             doubtful |= _echoes(fit, gain)

@@ -178,7 +178,7 @@ def _score(
     left = fit.information[both[:, :, None], both[:, None, :]] - model.real_form(p, q)
     left *= scale[:, :, None] * scale[:, None, :]
     ends = np.arange(both.shape[1])
-    left[:, ends, ends] += estimator.PRIOR + estimator.ROUNDING * fit.before[both] * scale**2
+    left[:, ends, ends] += estimator.PRIOR + fit.rounding * fit.before[both] * scale**2
     turned = scale * np.concatenate([pull.real, pull.imag], axis=1)
     return np.asarray(gain + np.einsum("tu,tu->t", turned, np.linalg.solve(left, turned[..., None])[..., 0]))
 
