@@ -60,13 +60,19 @@ ORTHOGONAL = 1e-22
 """The same where orthogonal transformations eliminate (`with_orthogonal_matrices`): nothing is squared, and of a column
 that an elimination leaves 1e-11 of, in amplitude, 1e-5 of what is left is rounding.
 """
-CLOSE = 1e-4
+CLOSE = 1e-8
 """Part of the energy of a pole's function that nothing else in the model describes (`Fit.share`), below which an
 interval asks for orthogonal transformations.
 
-Of two to eight poles in a row above a band, the best known of values but for rounding, `ROUNDING` narrows the standard
-deviation of the one that is known worst to 0.9999, 0.6 and 0.03 of what it is where the share is 4e-4, 1e-5 and 1e-6;
-at 1e-10 errors of the products widen those of all others, up to 200 times.
+Of two to eight poles in a row above a band, errors of the products change the standard deviations of other poles by
+nothing where the share is 1e-7, and widen them up to 200 times where it is 1e-10.
+"""
+NARROWED, ALIKE = 0.1, 1e-4
+"""The same for what `ROUNDING` adds to the information of a pole whose share is below the second value: above the first
+one, over that of the prior, it narrows the interval of a mode whose damping is known to 30 % by one in a hundred.
+
+Of those poles, the best known of values but for rounding, it narrows the standard deviation of the one that is known
+worst to 0.9999, 0.6 and 0.03 of what it is where the share is 4e-4, 1e-5 and 1e-6.
 """
 RANK = 1e-8
 """Part of the energy of a pole's function that nothing else in the model describes, below which it is taken out
@@ -282,8 +288,10 @@ def evaluate(
 
 
 def with_orthogonal_matrices(data: Observations, fit: Fit) -> Fit:
-    """The fit with matrices that hold where poles describe each other (`CLOSE`); itself where none do."""
-    if np.min(fit.share, initial=1.0) >= CLOSE or fit.rounding == ORTHOGONAL:
+    """The fit with matrices that hold where poles describe each other (`CLOSE`, `NARROWED`); itself where none do."""
+    modes = len(fit.poles)
+    added = ROUNDING * fit.before[:modes] * fit.scale[:modes] ** 2 / PRIOR
+    if fit.rounding == ORTHOGONAL or not np.any((fit.share < CLOSE) | ((fit.share < ALIKE) & (added > NARROWED))):
         return fit
     start = fit.shapes, fit.rest
     exact = evaluate(data, fit.poles, fit.participation, fit.terms, start, orthogonal=True)
