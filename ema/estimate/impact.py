@@ -27,7 +27,7 @@ from ema.estimate import (
     impact_choice,
     single_input,
 )
-from ema.estimate.block_end import LEFT_OVER, RingDown, ring_down
+from ema.estimate.block_end import RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
@@ -216,11 +216,6 @@ def hammer_test(
     length, before = _block(scanned, settings)
     judged = impact_choice.with_room(scanned, length, before, rate, settings.level)
     ring = _ring_down(takes, judged, length, rate)
-    if ring.left_over > LEFT_OVER:
-        # A response that the block cuts off is a sum of poles on its lines only where the block begins with it.
-        length, before = _block(scanned, settings, lead=_half_contact(judged))
-        judged = impact_choice.with_room(scanned, length, before, rate, settings.level)
-        ring = _ring_down(takes, judged, length, rate)
     added = ring.needed if settings.decay is None else settings.decay
     judged = impact_choice.with_errors(judged, length, before, rate, ring, added)
     judged = impact_choice.chosen(judged, settings.keep, settings.reject)
@@ -323,11 +318,15 @@ def _checked(run: Run, record: Recording, rate: float) -> channels.Layout:
     return layout
 
 
-def _block(judged: list[Judged], settings: HammerSettings, lead: int | None = None) -> tuple[int, int]:
-    """Samples per block and samples before the trigger that belong to it, at most ``lead``."""
+def _block(judged: list[Judged], settings: HammerSettings) -> tuple[int, int]:
+    """Samples per block and samples before the trigger that belong to it, half a contact at most.
+
+    A response that the block cuts off is a sum of poles on its lines only where the block begins with it: a thousandth
+    that is left turns with the lines otherwise, which looks like a part of the peaks that is not causal.
+    """
     usable = _best_of_points(judged)
     before = int(min(np.median([one.before for one in usable]), np.median([one.after for one in usable]) // 20))
-    before = before if lead is None else min(before, lead)
+    before = min(before, _half_contact(judged))
     if settings.block is not None:
         if settings.block < 16:
             raise InputError("the block is too short", got=f"{settings.block} samples", expected="at least 16")

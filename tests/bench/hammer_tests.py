@@ -27,6 +27,7 @@ FROM = (0.0, 1.0, 5.0, 20.0)
 """Hz, first lines of the bands, in turn: a force and a response at rest have no line at 0 Hz worth anything."""
 TO = (2000.0, 1200.0)
 REACH = 1.96
+NOT_LINEAR = ("force-noise", "leaning-peak", "broadened-peak", "smoothed-lines")
 
 
 @dataclass(frozen=True)
@@ -93,12 +94,15 @@ def _pulse(frequencies: np.ndarray, width: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of frequency and damping ratio over what is stated (mode, 2); modes there are, missed and false."""
+    """Errors of frequency and damping ratio over what is stated (mode, 2); modes there are, missed and false; tests of
+    which a peak was named as that of no linear mode.
+    """
 
     errors: np.ndarray
     modes: int
     missed: int
     false: int
+    named: int
 
     @property
     def inside(self) -> np.ndarray:
@@ -122,12 +126,14 @@ def score(made: Test) -> Score:
         values = found.natural_frequencies[nearest] - frequency, found.damping_ratios[nearest] - damping
         errors.append(np.array(values) / np.sqrt(found.covariance[nearest, [0, 1], [0, 1]]))
     modes = int(np.count_nonzero(inside))
-    return Score(np.array(errors).reshape(-1, 2), modes, modes - len(errors), len(found.poles) - len(hit))
+    missed, false = modes - len(errors), len(found.poles) - len(hit)
+    named = any(finding.code in NOT_LINEAR for finding in found.findings)
+    return Score(np.array(errors).reshape(-1, 2), modes, missed, false, int(named))
 
 
 def together(scores: list[Score]) -> Score:
     """Scores of several tests as one."""
-    counts = np.array([[one.modes, one.missed, one.false] for one in scores]).sum(axis=0)
+    counts = np.array([[one.modes, one.missed, one.false, one.named] for one in scores]).sum(axis=0)
     return Score(np.concatenate([one.errors for one in scores]), *(int(count) for count in counts))
 
 
@@ -142,7 +148,8 @@ def main() -> None:
         scores.append(score(hammer_test(options.seed, number)))
         so_far = together(scores)
         print(
-            f"{number + 1} systems, {so_far.modes} modes, {so_far.missed} missed, {so_far.false} false; "
+            f"{number + 1} systems, {so_far.modes} modes, {so_far.missed} missed, {so_far.false} false, {so_far.named} "
+            f"tests named; "
             f"inside: f {so_far.inside[0]:.1%}, zeta {so_far.inside[1]:.1%}; this one {scores[-1].missed} missed, "
             f"{scores[-1].false} false, largest error {np.abs(scores[-1].errors).max(initial=0):.1f} std",
             flush=True,
