@@ -1074,10 +1074,11 @@ def bins(
 ) -> Int[np.ndarray, "bin"]:
     """First lines of bins, none wider than ``fineness`` times the distance to the nearest pole or 1/400 of the band.
 
-    There the model is so smooth that the mean over the bin holds all that its lines hold.
+    There the model is so smooth that the mean over the bin holds all that its lines hold. The lower residual has a pole
+    at zero, and the fixed pole below the band lies between that and the first line.
     """
     omega = 2 * np.pi * frequencies
-    distance = np.full(len(omega), np.inf)
+    distance = omega.copy()
     for pole in poles:
         np.minimum(distance, np.abs(1j * omega - pole), out=distance)
     step = 2 * np.pi * (frequencies[-1] - frequencies[0]) / (len(frequencies) - 1)
