@@ -67,12 +67,16 @@ interval asks for orthogonal transformations.
 Of two to eight poles in a row above a band, errors of the products change the standard deviations of other poles by
 nothing where the share is 1e-7, and widen them up to 200 times where it is 1e-10.
 """
-NARROWED, ALIKE = 0.1, 1e-4
-"""The same for what `ROUNDING` adds to the information of a pole whose share is below the second value: above the first
-one, over that of the prior, it narrows the interval of a mode whose damping is known to 30 % by one in a hundred.
+NARROWED = 0.1
+"""What `ROUNDING` adds to the information of a pole, over that of the prior, from which on an interval asks for
+orthogonal transformations where the share of the pole is below `ALIKE`: it narrows the interval of a mode whose damping
+is known to 30 % by one in a hundred.
+"""
+ALIKE = 1e-4
+"""Share of a pole below which `NARROWED` is looked at.
 
-Of those poles, the best known of values but for rounding, it narrows the standard deviation of the one that is known
-worst to 0.9999, 0.6 and 0.03 of what it is where the share is 4e-4, 1e-5 and 1e-6.
+Of two to eight poles in a row above a band, without noise, `ROUNDING` narrows the standard deviation of the one that is
+known worst to 0.9999, 0.6 and 0.03 of what it is where the share is 4e-4, 1e-5 and 1e-6.
 """
 RANK = 1e-8
 """Part of the energy of a pole's function that nothing else in the model describes, below which it is taken out
@@ -107,7 +111,7 @@ VALUES = 400_000
 
 @dataclass
 class Work:
-    """Operations spent on evaluations of the model, roughly, and how many there may be before a search ends."""
+    """Operations spent on evaluations of the model, as estimated from its size, and how many end a search."""
 
     spent: float = 0.0
     limit: float = np.inf

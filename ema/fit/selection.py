@@ -233,8 +233,8 @@ def _trusting(
         for pole, why in gone
         if inside(np.array([pole]), band)[0] and damping_ratios(np.array([pole]))[0] <= POLICY.heaviest
     ]
-    no_noise = estimator.correlation(state.data, state.fit) > 0.5 * MISFIT
-    if hidden(state.data, state.fit, band) > enough or no_noise or state.data.work.over:
+    correlated = estimator.correlation(state.data, state.fit) > 0.5 * MISFIT
+    if hidden(state.data, state.fit, band) > enough or correlated or state.data.work.over:
         return None
     return state.with_fit(beyond(state.data, estimator.determined(state.data, state.fit)[0], band))
 
@@ -360,8 +360,8 @@ def _eliminate(
         reasons = {k: reasons[k] for k in weakest}
         if data.work.over:
             # What makes no peak of its own is the first to go when there is no time to ask each.
-            flat = np.flatnonzero(estimator.dominance(data, fit) < POLICY.visible).tolist()
-            reasons |= dict.fromkeys(flat, mark("it makes no peak of its own, and the search was ended"))
+            invisible = np.flatnonzero(estimator.dominance(data, fit) < POLICY.visible).tolist()
+            reasons |= dict.fromkeys(invisible, mark("it makes no peak of its own, and the search was ended"))
         if not reasons and correlation > MISFIT:
             doubtful = (_persistence(fit, candidates) < POLICY.persistence) | (_collinearity(fit) < _COLLINEAR)
             doubtful |= _echoes(fit, gain)

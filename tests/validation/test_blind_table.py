@@ -49,7 +49,8 @@ def test_signals_prediction_and_truth_belong_together(stored):
 
 @pytest.mark.xfail(
     strict=True,
-    reason="the two best places, 0.6 % apart in what was stored, changed their order with the fit of the bare structure",
+    reason="a mode at 1686 Hz, next to the end of the band at 1700 Hz and with a damping uncertain by 16 %, is no longer "
+    "accepted: places (7, 5) and (1, 2), 0.6 % apart in what was stored, change their order",
 )
 def test_the_present_predictor_says_what_was_stored(stored, told):
     assert told["bare"]["frequency"] == pytest.approx(stored["bare"]["frequency"], abs=0.02)
