@@ -171,7 +171,10 @@ class _Sums:
     def take(self, rows: Int[np.ndarray, "out"], flat: Observations, begin: Fit) -> None:
         """Add some outputs."""
         fit = self.fit
-        found = estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (begin.shapes, begin.rest))
+        # What the channels ask for (`estimator.with_orthogonal_matrices`) the outputs need as well.
+        orthogonal = fit.rounding == estimator.ORTHOGONAL
+        start = begin.shapes, begin.rest
+        found = estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, start, orthogonal=orthogonal)
         self.information += found.information
         self.gradient += found.gradient
         self.before += found.before
@@ -421,12 +424,13 @@ def _evaluated(flat: Observations, fit: Fit, used: int, begin: tuple[np.ndarray,
     of it with all of them.
     """
     terms: model.Background = fit.terms
-    columns = terms.mixing.shape[1]
-    narrow = estimator.evaluate(flat, fit.poles, fit.participation, terms.fewer(used), begin)
+    columns, orthogonal = terms.mixing.shape[1], fit.rounding == estimator.ORTHOGONAL
+    narrow = estimator.evaluate(flat, fit.poles, fit.participation, terms.fewer(used), begin, orthogonal=orthogonal)
     if used == columns:
         return narrow, narrow
     rest = np.concatenate([narrow.rest, np.zeros((*narrow.rest.shape[:-1], columns - used))], axis=-1)
-    wide = estimator.evaluate(flat, fit.poles, fit.participation, terms, (narrow.shapes, rest))
+    start = narrow.shapes, rest
+    wide = estimator.evaluate(flat, fit.poles, fit.participation, terms, start, orthogonal=orthogonal)
     return narrow, replace(wide, shapes=narrow.shapes, rest=rest)
 
 

@@ -14,8 +14,10 @@ _LONGEST = 60
 _CHANCE = 2.5
 """Autocorrelation times the root of the number of values up to which a residual is taken for white: 3.5 standard
 deviations (Bartlett 1946, of real parts), once in 4000."""
-_PARTS, _FEWEST = 8, 50
-"""Parts of the band of which the median counts, and lines of a part at least."""
+_PARTS = 8
+"""Parts of the band of which the median counts: three with modes that the fit has not do not move it."""
+_LINES_OF_PART = 50
+"""Lines of such a part at least: the autocorrelation of one FRF scatters by a tenth there (Bartlett 1946)."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class LineCorrelation:
         """That of a residual, from as many rows of the observations as stand for all."""
         residual, weight = _weighted(data, fit)
         chance = _CHANCE / np.sqrt(residual.size)
-        return cls(_telling(autocorrelation(residual, chance), chance), data.s, weight)
+        return cls(_before_chance(autocorrelation(residual, chance), chance), data.s, weight)
 
     @classmethod
     def of_noise(cls, data: Observations, fit: Fit) -> "LineCorrelation":
@@ -44,10 +46,10 @@ class LineCorrelation:
         """
         residual, weight = _weighted(data, fit)
         chance = _CHANCE / np.sqrt(residual.size)
-        parts = np.array_split(residual, min(_PARTS, max(1, residual.shape[1] // _FEWEST)), axis=1)
+        parts = np.array_split(residual, min(_PARTS, max(1, residual.shape[1] // _LINES_OF_PART)), axis=1)
         found = [autocorrelation(part) for part in parts]
         lags = min(len(rho) for rho in found)
-        return cls(_telling(np.median([rho[:lags] for rho in found], axis=0), chance), data.s, weight)
+        return cls(_before_chance(np.median([rho[:lags] for rho in found], axis=0), chance), data.s, weight)
 
     def factor(self, poles: Complex[np.ndarray, "pole"], power: int = 1) -> Float[np.ndarray, "pole"]:
         """Energy that noise has along ``1 / (s - p)^power`` over that of noise independent from line to line.
@@ -72,7 +74,7 @@ def _weighted(data: Observations, fit: Fit) -> tuple[Complex[np.ndarray, "row li
     return residual.reshape(-1, len(data.s)), np.sqrt(np.mean(weights, axis=(0, 1)))
 
 
-def _telling(rho: Float[np.ndarray, "lag"], chance: float) -> Float[np.ndarray, "told"]:
+def _before_chance(rho: Float[np.ndarray, "lag"], chance: float) -> Float[np.ndarray, "kept"]:
     """The lags before the first that white noise explains."""
     return rho[: max(1, int(np.argmax(np.append(rho, 0.0) < chance)))]
 

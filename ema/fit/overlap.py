@@ -47,7 +47,7 @@ def another_mode(
     )
     found = equations(data, fit, trials.reshape(-1))
     noise = search.Noise.of(data, fit)
-    level = factor * noise.explains(data, poles, fit.participation.T[places], fit) / noise.white
+    level = factor * noise.explains(data, poles, fit.participation.T[places], fit) / noise.required_of_white
     vectors = np.unique((fit.participation[:, own] / strength[own]).T, axis=0)
     result = np.empty(len(places))
     for row, pole in enumerate(poles):

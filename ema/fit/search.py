@@ -162,7 +162,7 @@ def beyond(data: Observations, fit: Fit, band: tuple[float, float]) -> Fit:
         trials = (2 * np.pi * places[places > 0, None] * (-DAMPING + 1j)).reshape(-1)
         if not len(trials):
             continue
-        required = limit * fit.variance_factor(data) * Noise.of(data, fit).of_damping(trials)
+        required = limit * fit.variance_factor(data) * Noise.of(data, fit).correlation_gain_at(trials)
         gain, vectors = mode_gains(data, fit, trials)
         best = int(np.argmax(gain / required))
         if gain[best] <= required[best]:
@@ -224,19 +224,19 @@ class Noise:
     """What the residual of a fit says of its noise: the energy that a mode fitted to noise takes off nowhere in the
     band but with the false-alarm probability, its mean square, and that of each bin and reference over the mean.
 
-    ``yields`` (damping,): energy that noise leaves to a pole of each damping ratio in `DAMPING`, over that of noise
-    independent from line to line; ``white`` is what would be ``required`` of that.
+    ``correlation_gain`` (damping,): energy that noise leaves to a pole of each damping ratio in `DAMPING`, over that of
+    noise independent from line to line, of which ``required_of_white`` would be ``required``.
     """
 
-    white: float
+    required_of_white: float
     scale: float
     power: Float[np.ndarray, "in bin"]
-    yields: Float[np.ndarray, "damping"]
+    correlation_gain: Float[np.ndarray, "damping"]
 
     @property
     def required(self) -> float:
         """Energy that a mode has to exceed where its damping does not matter."""
-        return self.white * float(np.median(self.yields))
+        return self.required_of_white * float(np.median(self.correlation_gain))
 
     @classmethod
     def of(cls, data: Observations, fit: Fit) -> "Noise":
@@ -246,12 +246,12 @@ class Noise:
         power = estimator.profile(data, fit)[0]
         factor, scale = fit.variance_factor(data), max(float(power.mean()), 1e-300)
         factor = max(factor, 1e-300)
-        return cls(limit * factor, scale, power / scale, _yields(data, fit, factor))
+        return cls(limit * factor, scale, power / scale, _correlation_gain(data, fit, factor))
 
-    def of_damping(self, poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole"]:
-        """``yields`` at the damping ratios of poles."""
+    def correlation_gain_at(self, poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole"]:
+        """``correlation_gain`` at the damping ratios of poles."""
         damping = np.log(np.maximum(damping_ratios(poles), 1e-6))
-        return np.asarray(np.exp(np.interp(damping, np.log(DAMPING), np.log(self.yields))))
+        return np.asarray(np.exp(np.interp(damping, np.log(DAMPING), np.log(self.correlation_gain))))
 
     def explains(
         self,
@@ -281,11 +281,11 @@ class Noise:
                 held = np.einsum("pk,pk->p", own, near) / own.sum(axis=1) * np.sum(shares[rows] ** 2, axis=1)
                 level[rows] -= held * gain[rows] / (2 * data.outputs * self.scale)
             level[rows] /= near.sum(axis=1)
-        level = np.maximum(level, 1) * self.of_damping(poles)
-        return np.asarray(self.white * level * caution(poles, fit.poles, line))
+        level = np.maximum(level, 1) * self.correlation_gain_at(poles)
+        return np.asarray(self.required_of_white * level * caution(poles, fit.poles, line))
 
 
-def _yields(data: Observations, fit: Fit, factor: float) -> Float[np.ndarray, "damping"]:
+def _correlation_gain(data: Observations, fit: Fit, factor: float) -> Float[np.ndarray, "damping"]:
     """Median over the band of what trial poles of each damping ratio take off the cost, over what white noise gives."""
     if not data.correlated:
         return np.ones(len(DAMPING))

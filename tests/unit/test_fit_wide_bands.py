@@ -6,6 +6,7 @@ import pytest
 import ema
 from ema.fit import estimator, model
 from ema.fit.estimator import Observations
+from ema.fit.full_set import _bare, _Sums
 from tests.unit.test_estimate_hammer import DOFS, hammer, hammer_rig, run_of
 
 
@@ -165,6 +166,22 @@ def test_intervals_hold_where_poles_describe_each_other(close):
     triangle = np.linalg.qr(np.concatenate([*rows, np.sqrt(estimator.PRIOR) * np.eye(len(fit.gradient))]), mode="r")
     wanted = np.linalg.norm(np.linalg.inv(triangle), axis=1) * fit.scale
     np.testing.assert_allclose(np.linalg.norm(estimator.root(fit), axis=1), wanted, rtol=2e-3)
+
+
+def test_outputs_of_a_set_larger_than_memory_hold_as_much_where_poles_describe_each_other(close):
+    """Collected output by output, as from a file, against the fit of all in memory."""
+    data, fit, shapes = close
+    data = data_of(data, fit, shapes)
+    fit = estimator.evaluate(data, fit.poles, fit.participation, fit.terms, (shapes, fit.rest))
+    exact = estimator.with_orthogonal_matrices(data, fit)
+    sums = _Sums(exact, 2, np.zeros(0, int))
+    for output in range(2):
+        own = slice(output, output + 1)
+        begin = _bare(exact, exact.shapes[own], exact.rest[own])
+        sums.take(np.array([output]), Observations(data.s, data.signals[own], data.weights[own]), begin)
+    stds, wanted = (np.linalg.norm(estimator.root(one), axis=1) for one in (sums.all_terms, exact))
+    np.testing.assert_allclose(stds, wanted, rtol=1e-4)
+    assert np.max(np.linalg.norm(estimator.root(fit), axis=1) / wanted) > 1.5
 
 
 def data_of(data, fit, shapes):
