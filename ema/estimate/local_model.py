@@ -166,7 +166,7 @@ def _solved(parts: Sequence[_Part], powers: Float[np.ndarray, "k line degree"]) 
     covariance = np.linalg.inv(information + _prior(a))
     variance = np.einsum("akoi,kab,bkoi->koi", through, covariance, through.conj(), optimize=True).real
     variance += np.divide(1, sums, out=np.full_like(sums, np.inf), where=sums > 0)
-    alone = _line_variance(parts, noise)
+    alone = _line_variance(parts, noise, powers, np.argmin(np.abs(powers[:, :, 0]), axis=1))
     known = np.isfinite(variance) & np.isfinite(alone)
     ratio = np.where(known, alone, 1.0) / np.where(known, np.maximum(variance, 1e-300), 1.0)
     return Local(
@@ -181,22 +181,37 @@ def _solved(parts: Sequence[_Part], powers: Float[np.ndarray, "k line degree"]) 
 
 
 def _line_variance(
-    parts: Sequence[_Part], noise: Sequence[Float[np.ndarray, "k out"]]
+    parts: Sequence[_Part],
+    noise: Sequence[Float[np.ndarray, "k out"]],
+    powers: Float[np.ndarray, "k line degree"],
+    centre: Int[np.ndarray, "k"],
 ) -> Float[np.ndarray, "k out in"]:
-    """Variance of FRFs that each line would give by itself, of forces with the power of the lines around it."""
-    count = len(parts[0].acting)
+    """Variance of FRFs that each line would give by itself, of a system that is known but for its level there.
+
+    Of what forces drive on the lines around, the transient of each block takes its part. How much of it the line itself
+    holds goes with the power that each force has on it.
+    """
+    count, span = len(parts[0].acting), powers.shape[1]
     lines, responses = noise[0].shape
-    power: Complex[np.ndarray, "k out in in"] = np.zeros((lines, responses, count, count), complex)
+    around: Complex[np.ndarray, "k out in in"] = np.zeros((lines, responses, count, count), complex)
+    share = np.zeros((2, lines, responses, count))
+    smooth = np.concatenate([np.ones_like(powers[:, :, :1]), powers], axis=2)
+    transient = np.linalg.qr(smooth)[0]
     for part, size in zip(parts, noise, strict=True):
         acting = np.flatnonzero(part.acting)
         u = part.regressors[:, :, : len(acting)]
+        left = u - transient @ (transient.transpose(0, 2, 1) @ u)
         own = np.zeros((lines, count, count), complex)
-        own[:, acting[:, None], acting] = u.conj().transpose(0, 2, 1) @ u / u.shape[1]
-        power += own[:, None] / size[:, :, None, None]
+        own[:, acting[:, None], acting] = left.conj().transpose(0, 2, 1) @ left
+        around += own[:, None] / size[:, :, None, None]
+        power = np.abs(u) ** 2
+        for place, one in enumerate((power.mean(axis=1), power[np.arange(lines), centre])):
+            share[place][..., acting] += one[:, None, :] / size[:, :, None]
     some = np.flatnonzero(np.any([part.acting for part in parts], axis=0))
     variance = np.full((lines, responses, count), np.inf)
-    inverse = np.linalg.pinv(power[:, :, some[:, None], some], hermitian=True)
-    variance[:, :, some] = np.diagonal(inverse, axis1=2, axis2=3).real
+    inverse = np.linalg.pinv(around[:, :, some[:, None], some], hermitian=True)
+    typical = span * np.diagonal(inverse, axis1=2, axis2=3).real
+    variance[:, :, some] = typical * share[0][..., some] / np.maximum(share[1][..., some], 1e-300)
     return np.asarray(variance)
 
 

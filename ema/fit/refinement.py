@@ -524,14 +524,34 @@ def loss(
     correlation of the residual does not show.
     """
     lines = LineCorrelation.of(data, fit)
-    factors = [lines.factor(fit.poles, power) for power in (2, 1)]
-    if by_themselves is not None:
-        weight = np.mean(by_themselves, axis=(0, 1))
-        for place, power in enumerate((2, 1)):
-            function = np.abs(data.s - fit.poles[:, None]) ** (-2 * power)
-            least = (function @ lines.weight**2) / (function @ weight)
-            factors[place] = np.maximum(factors[place], least)
-    return factors[0], factors[1]
+    of_poles, of_shapes = (lines.factor(fit.poles, power) for power in (2, 1))
+    if by_themselves is None or not len(fit.poles):
+        return of_poles, of_shapes
+    some = sample(data)
+    smoothed = Observations(data.s, data.signals[some], data.weights[some])
+    alone, stated = (
+        _variances(
+            estimator.evaluate(
+                one,
+                fit.poles,
+                fit.participation,
+                fit.terms,
+                (fit.shapes[some], fit.rest[some]),
+                orthogonal=fit.rounding == estimator.ORTHOGONAL,
+            )
+        )
+        for one in (replace(smoothed, weights=by_themselves), smoothed)
+    )
+    least = alone / np.maximum(stated, np.finfo(float).tiny)
+    return np.maximum(of_poles, least[0]), np.maximum(of_shapes, least[1])
+
+
+def _variances(fit: Fit) -> Float[np.ndarray, "2 mode"]:
+    """Variances of each pole and of its shape, by the weights."""
+    modes, half = len(fit.poles), len(fit.gradient) // 2
+    of_poles = np.sum(estimator.root(fit) ** 2, axis=1)
+    of_shapes = np.sum(np.diagonal(fit.local, axis1=1, axis2=2), axis=0)
+    return np.stack([of_poles[:modes] + of_poles[half : half + modes], of_shapes[:modes] + of_shapes[modes:]])
 
 
 def misfit_at_peaks(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
