@@ -51,7 +51,7 @@ def page(document: Document, tables: str, printed: bool = False) -> str:
         printed=printed,
         policy=_policy(script),
         script=Markup(script),
-        style=Markup(_template("report.css")),
+        style=Markup((files("ema.report") / "templates" / "report.css").read_text(encoding="utf-8")),
     )
 
 
@@ -66,10 +66,6 @@ def _has_motion(document: Document) -> bool:
         for section in chapter.sections
         for block in section.blocks
     )
-
-
-def _template(name: str) -> str:
-    return (files("ema.report") / "templates" / name).read_text(encoding="utf-8")
 
 
 def _policy(script: str) -> str:
