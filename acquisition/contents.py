@@ -1,6 +1,8 @@
 """What a file held."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 from acquisition.units import Unit
 from ema.data import Finding, FrfSet, Geometry, ModalModel, Recording
@@ -46,6 +48,32 @@ class Contents:
     metadata: tuple[tuple[str, str], ...] = ()
     units: tuple[tuple[str, Unit], ...] = ()
     frf_units: tuple[tuple[Unit, Unit], ...] = ()
+
+    @classmethod
+    def of(cls, containers: Iterable[Any]) -> "Contents":
+        """Return what a file of ours held; containers of other kinds are left out, and so are further geometries.
+
+        Parameters
+        ----------
+        containers : iterable of object
+            FRF sets, recordings, modal models, geometries, and others.
+
+        Returns
+        -------
+        Contents
+            Those that foreign files hold as well.
+
+        Examples
+        --------
+        >>> from ema.examples import frf_set, geometry, modal_map
+        >>> held = Contents.of([modal_map(), frf_set(), geometry()])
+        >>> len(held.frfs), len(held.modes), held.geometry is None
+        (1, 0, False)
+        """
+        items = list(containers)
+        kinds: tuple[type[Any], ...] = (Recording, FrfSet, ModalModel, Geometry)
+        recordings, frfs, modes, geometries = ([one for one in items if isinstance(one, kind)] for kind in kinds)
+        return cls(tuple(recordings), tuple(frfs), tuple(modes), next(iter(geometries), None))
 
     def __bool__(self) -> bool:
         return bool(self.recordings or self.frfs or self.modes or self.geometry is not None)

@@ -9,7 +9,7 @@ from typing import Any
 from acquisition.contents import Contents
 from acquisition.units import Unit
 from ema import store
-from ema.data import Finding, FrfSet, Geometry, Recording
+from ema.data import Finding, Recording
 from ema.store.reading import containers, record_of
 
 _KEPT = 256 * 2**20
@@ -108,13 +108,7 @@ def _read(path: Path, options: dict[str, Any]) -> Contents:
 
         contents: Contents = read(path, **options)
         return contents
-    stored = containers(path)
-    geometries = [container for container in stored if isinstance(container, Geometry)]
-    return Contents(
-        frfs=tuple(container for container in stored if isinstance(container, FrfSet)),
-        recordings=tuple(container for container in stored if isinstance(container, Recording)),
-        geometry=geometries[0] if geometries else None,
-    )
+    return Contents.of(containers(path))
 
 
 def _size(contents: Contents) -> int:

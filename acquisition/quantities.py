@@ -64,10 +64,10 @@ def _as_nodes(value: Any) -> Any:
     """``"3-11"``, ``"3-11 by 2"`` or a list of nodes."""
     if not isinstance(value, str):
         return value
-    found = re.fullmatch(r"\s*(\d+)\s*-\s*(\d+)\s*(?:by\s+(\d+)\s*)?", value)
-    if found is None:
+    span = re.fullmatch(r"\s*(\d+)\s*-\s*(\d+)\s*(?:by\s+(\d+)\s*)?", value)
+    if span is None:
         raise ValueError(f'not a range of nodes: {value!r}; write "3-11", "3-11 by 2" or [3, 5, 8]')
-    first, last, step = int(found[1]), int(found[2]), int(found[3] or 1)
+    first, last, step = int(span[1]), int(span[2]), int(span[3] or 1)
     if step < 1:
         raise ValueError("a range of nodes needs a step of 1 or more")
     return list(range(first, last + 1, step)) if first <= last else list(range(first, last - 1, -step))

@@ -69,9 +69,9 @@ def same_units(
     for name, unit in in_file:
         stated.setdefault(name, set()).add(unit)
     for slot in _slots(present, table, where) if table and stated else ():
-        found = stated.get(present[slot.row].name, set())
-        if len(found) == 1:
-            _same_unit(slot.spec, next(iter(found)), f"{where}, channel {slot.name}")
+        units_in_file = stated.get(present[slot.row].name, set())
+        if len(units_in_file) == 1:
+            _same_unit(slot.spec, next(iter(units_in_file)), f"{where}, channel {slot.name}")
 
 
 def same_frf_units(table: list[ChannelTable], in_file: tuple[tuple[units.Unit, units.Unit], ...], where: str) -> None:
@@ -125,7 +125,7 @@ def lines_of_frf(
     InputError : the table has another number of channels, ...
     """
     response = {kind: quantity for quantity, kind in FRF_OF_RESPONSE.items()}[frf.quantity]
-    found = []
+    sides = []
     for role, dofs, quantity in (("response", frf.outputs, response), ("reference", frf.inputs, "force")):
         unit = SI_UNIT[quantity] if frf.scaled else UNSTATED
         present = tuple(Channel(f"{role} {k + 1}", dof, quantity, role, unit) for k, dof in enumerate(dofs))  # type: ignore[arg-type]
@@ -137,8 +137,8 @@ def lines_of_frf(
         else:
             slots = _slots_in_order(present, specs, role, where)
             lines = tuple(_line(slot, present[slot.row], item, axes, where) for slot in slots)
-        found.append(lines)
-    return found[0], found[1]
+        sides.append(lines)
+    return sides[0], sides[1]
 
 
 def scaled_record(recording: Recording, lines: tuple[Line, ...]) -> Recording:

@@ -329,12 +329,12 @@ class Session:
 
     def _created(self, record: Recording, identity: TakeIdentity) -> tuple[Path, Recording]:
         """The file of a take, created under the first number that is free."""
-        place = self.folder / (REJECTED if identity.reasons else RAW)
+        folder = self.folder / (REJECTED if identity.reasons else RAW)
         while True:
             number = self._takes.next_number(identity.run, identity.point)
             record = replace(record, identity=replace(identity, number=number))
             assert record.identity is not None
-            path = place / file_name(record.identity)
+            path = folder / file_name(record.identity)
             try:
                 store.save(path, record, exclusive=True)
             except FailureError as error:

@@ -253,11 +253,11 @@ def _powers(text: str) -> Powers:
     tokens, position = [], 0
     text = _spell(text)
     while position < len(text):
-        found = _TOKEN.match(text, position)
-        if found is None:
+        token = _TOKEN.match(text, position)
+        if token is None:
             raise ValueError(text[position:])
-        tokens.append((str(found.lastgroup), found[0].strip()))
-        position = found.end()
+        tokens.append((str(token.lastgroup), token[0].strip()))
+        position = token.end()
     powers, rest = _product(tokens)
     if rest:
         raise ValueError(rest)
@@ -323,15 +323,15 @@ def split(text: str) -> tuple[float, str]:
     ------
     UnitError : there is no number, no unit, or the number is too large to be one.
     """
-    found = _NUMBER.match(text)
-    if found is None:
+    number = _NUMBER.match(text)
+    if number is None:
         raise UnitError("no number before the unit", got=repr(text), expected='a value such as "1.02 kN"')
-    if not found[2]:
+    if not number[2]:
         raise UnitError(
             "a number without a unit", got=repr(text), expected=f'a value such as "1.02 kN", or "{UNSTATED}"'
         )
-    _refuse_endless(float(found[1]), text)
-    return float(found[1]), found[2]
+    _refuse_endless(float(number[1]), text)
+    return float(number[1]), number[2]
 
 
 def _refuse_endless(value: float, text: str) -> None:
@@ -445,9 +445,9 @@ def bracketed(name: str) -> tuple[str, str]:
         r"^(.+?)\s+/\s+(\S+)$",
     )
     for pattern in patterns:
-        found = re.match(pattern, name)
-        if found:
-            return found[1].strip(), found[2].strip()
+        title = re.match(pattern, name)
+        if title:
+            return title[1].strip(), title[2].strip()
     return name.strip(), ""
 
 

@@ -116,7 +116,7 @@ class _OpendaqDevice:
     def _read(self, count: int) -> Float[np.ndarray, "channel sample"]:
         """Samples in step; none while the device starts."""
         try:
-            found = np.asarray(self._reader.read(count, 200), np.float64)
+            samples = np.asarray(self._reader.read(count, 200), np.float64)
         except RuntimeError as error:
             raise FailureError(
                 "the device has gone",
@@ -124,7 +124,7 @@ class _OpendaqDevice:
                 got=_first_line(error),
                 advice="takes on disk are safe; connect it again and go on with the same command",
             ) from error
-        return found if found.ndim == 2 else np.zeros((len(self._wires), 0))
+        return samples if samples.ndim == 2 else np.zeros((len(self._wires), 0))
 
     def _forget(self) -> None:
         """Drop what has piled up while nobody read."""
@@ -248,12 +248,12 @@ class OpendaqShaker(_OpendaqDevice):
         self._set({self._steps.amplitude: command})
         self._forget()
         settle, stay = (round(time * self._rate) for time in (self._steps.settle, self._steps.stay))
-        held: list[Float[np.ndarray, "channel sample"]] = []
+        blocks: list[Float[np.ndarray, "channel sample"]] = []
         for block in self._blocks():
-            held.append(block)
-            if sum(part.shape[1] for part in held) >= settle + stay:
+            blocks.append(block)
+            if sum(part.shape[1] for part in blocks) >= settle + stay:
                 break
-        return np.hstack(held)[:, settle : settle + stay]
+        return np.hstack(blocks)[:, settle : settle + stay]
 
 
 def _first_line(error: Exception) -> str:

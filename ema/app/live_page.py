@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ema.app.views import curve, numbers
+from ema.app.views import curve, numbers, strongest
 from ema.data import FrfSet, Recording
 from ema.errors import InputError
 from ema.messages import text
@@ -124,26 +124,18 @@ def _signals(record: Recording) -> dict[str, Any]:
     lines = np.fft.rfftfreq(len(force), 1 / record.sampling_rate)
     if spectrum.max() > 0:
         below = 20 * np.log10(np.maximum(spectrum, 1e-6 * spectrum.max()) / spectrum.max())
-        lines, below = _largest(lines, below)
-        curves["spectrum"] = {"f": numbers(lines), "decibels": numbers(below, 4)}
+        rows = strongest(spectrum, _MOST_POINTS)
+        curves["spectrum"] = {"f": numbers(lines[rows]), "decibels": numbers(below[rows], 4)}
     if "response" in roles:
         row = roles.index("response")
-        time, value = _largest(np.arange(len(force)) / record.sampling_rate, record.signals[row])
-        channel = record.channels[row]
+        value, channel = record.signals[row], record.channels[row]
+        rows = strongest(value, _MOST_POINTS)
         curves["response"] = {
-            "time": numbers(time, 6),
-            "value": numbers(value, 5),
+            "time": numbers(rows / record.sampling_rate, 6),
+            "value": numbers(value[rows], 5),
             "label": f"{channel.name} [{channel.unit}]",
         }
     return curves
-
-
-def _largest(axis: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most so many points, each the value of largest size of those that it stands for."""
-    step = -(-len(values) // _MOST_POINTS)
-    blocks = [slice(start, start + step) for start in range(0, len(values), step)]
-    rows = [one.start + int(np.argmax(np.abs(values[one]))) for one in blocks]
-    return axis[rows], values[rows]
 
 
 def _frf(average: FrfSet) -> dict[str, Any]:

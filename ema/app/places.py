@@ -10,7 +10,7 @@ from ema.data.placement import Place, Placement, Prediction
 from ema.errors import InputError
 from ema.messages import text
 from ema.place.objective import Objective, of_rows, scores
-from ema.show.placement import seen_edges
+from ema.show.placement import score_unit, seen_edges
 
 
 def placement_view(bench: Workbench, number: int) -> dict[str, Any]:
@@ -23,12 +23,12 @@ def placement_view(bench: Workbench, number: int) -> dict[str, Any]:
     placement = _placement(bench, number)
     ranking = placement.ranking
     candidates = ranking.prediction.candidates
-    decibels = _in_decibels(placement)
+    scale, unit = score_unit(placement)
     kinds = sorted({(round(float(angle), 6), int(beam)) for angle, beam in zip(candidates.angles, candidates.beams)})
     return {
         "title": placement.title,
         "warning": placement.warning,
-        "unit": "dB" if decibels else "%",
+        "unit": unit,
         "objective": ranking.objective,
         "extent": [numbers(axis) for axis in placement.extent],
         "edges": [[numbers(end, 6) for end in edge] for edge in seen_edges(placement)],
@@ -40,7 +40,7 @@ def placement_view(bench: Workbench, number: int) -> dict[str, Any]:
             for angle, beam in zip(candidates.angles, candidates.beams, strict=True)
         ],
         "centres": [numbers(centre, 6) for centre in candidates.centres],
-        "score": numbers((1 if decibels else 100) * ranking.scores, 4),
+        "score": numbers(scale * ranking.scores, 4),
         "ranked": [place.candidate for place in ranking.places],
     }
 
@@ -65,14 +65,14 @@ def place_view(bench: Workbench, number: int, candidate: int) -> dict[str, Any]:
         for mode, f, z in zip(prediction.modes, prediction.bare_frequencies, prediction.bare_damping, strict=True)
     ]
     ranked = (placement.best, *ranking.places[1:])
-    found = _of_rank(ranked[rank - 1]) if rank else _of_map(placement, candidate)
+    known = _of_rank(ranked[rank - 1]) if rank else _of_map(placement, candidate)
     return {
         "candidate": candidate,
         "rank": rank,
         "modes": modes,
         "levels": numbers(prediction.force_levels, 5),
         "joints": [numbers(joint, 4) for joint in prediction.candidates.joints(candidate)],
-        **found,
+        **known,
     }
 
 
@@ -80,10 +80,6 @@ def _placement(bench: Workbench, number: int) -> Placement:
     if not 0 <= number < len(bench.placements):
         raise InputError("no such placement", got=number + 1, expected=f"one of {len(bench.placements)}")
     return bench.placements[number]
-
-
-def _in_decibels(placement: Placement) -> bool:
-    return placement.ranking.objective.startswith(("peak", "chatter"))
 
 
 def _kind(placement: Placement, angle: float, beam: int) -> str:

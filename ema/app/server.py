@@ -239,8 +239,7 @@ class _Handler(BaseHTTPRequestHandler):
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
         """Refuse what is no request of ours, as a sentence."""
         self.close_connection = True
-        sentence = message or HTTPStatus(code).phrase
-        self._send(code, "application/json", json.dumps({"error": sentence}).encode())
+        self._refuse(code, message or HTTPStatus(code).phrase)
 
     def do_GET(self) -> None:
         """Answer with the page, its parts, a view as JSON, or an export."""
@@ -264,13 +263,13 @@ class _Handler(BaseHTTPRequestHandler):
         elif path.startswith("/api/"):
             return self.app.page.view(path.removeprefix("/api/"), query)
         else:
-            self._send(404, "application/json", b'{"error": "there is no such page"}')
+            self._refuse(404, "there is no such page")
         return None
 
     def _post(self, path: str, query: dict[str, str]) -> dict[str, Any] | None:
         # a form of another page cannot set this header without asking first, and nobody answers that question
         if self.headers.get("X-Ema") != "1":
-            self._send(403, "application/json", b'{"error": "this request did not come from our page"}')
+            self._refuse(403, "this request did not come from our page")
             return None
         return self.app.page.act(path.removeprefix("/api/"), _read(self.body), self.app.changed)
 
@@ -279,22 +278,23 @@ class _Handler(BaseHTTPRequestHandler):
             url = urlsplit(self.path)
             query = {name: values[0] for name, values in parse_qs(url.query, max_num_fields=20).items()}
             if not self._welcome(url.path, query.get("token", "")):
-                text = "open the address that `ema app` has printed: it ends with a token"
-                self._send(403, "application/json", json.dumps({"error": text}).encode())
+                self._refuse(403, "open the address that `ema app` has printed: it ends with a token")
                 return
             with speaking(self.app.language or preferred(self.headers.get("Accept-Language", ""))):
                 content = work(url.path, query)
             answer = None if content is None else json.dumps(content, allow_nan=False).encode()
-            status = 200
         except EmaError as error:
-            status, answer = 400, json.dumps({"error": str(error)}).encode()
+            self._refuse(400, str(error))
         except (KeyError, ValueError, TypeError, IndexError, OverflowError, RecursionError) as error:
-            status, answer = 400, json.dumps({"error": f"this request is not understood: {error}"}).encode()
+            self._refuse(400, f"this request is not understood: {error}")
         except Exception as error:
-            sentence = f"a fault in ema itself: {type(error).__name__}: {error}"
-            status, answer = 500, json.dumps({"error": sentence}).encode()
-        if answer is not None:
-            self._send(status, "application/json", answer)
+            self._refuse(500, f"a fault in ema itself: {type(error).__name__}: {error}")
+        else:
+            if answer is not None:
+                self._send(200, "application/json", answer)
+
+    def _refuse(self, status: int, sentence: str) -> None:
+        self._send(status, "application/json", json.dumps({"error": sentence}).encode())
 
     def _welcome(self, path: str, token: str) -> bool:
         if self.app.token:

@@ -494,10 +494,10 @@ class Workbench:
         """The run next to a point of a map; of equal ones, the first."""
         if not 0 <= chart < len(self.maps):
             raise InputError("no such map", got=chart + 1, expected=f"one of {len(self.maps)}")
-        one = self.maps[chart]
-        if not (0 <= level < len(one.force_levels) and 0 <= force < len(one.normal_forces)):
+        modal_map = self.maps[chart]
+        if not (0 <= level < len(modal_map.force_levels) and 0 <= force < len(modal_map.normal_forces)):
             raise InputError("no such point of the map", got=f"level {level}, force {force}")
-        wanted = np.array([one.force_levels[level], one.normal_forces[force]])
+        wanted = np.array([modal_map.force_levels[level], modal_map.normal_forces[force]])
         distances = {}
         for run in runs:
             pair = np.array([run.condition.excitation.level, run.condition.normal_force])
@@ -505,7 +505,9 @@ class Workbench:
                 distances[run.id] = float(np.linalg.norm(np.log2(pair / wanted)))
         if not distances:
             raise InputError(
-                "no run lies behind this point", where=one.name, expected="runs with a force level and a normal force"
+                "no run lies behind this point",
+                where=modal_map.name,
+                expected="runs with a force level and a normal force",
             )
         return min(distances, key=lambda name: distances[name])
 

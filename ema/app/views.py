@@ -12,11 +12,12 @@ from ema.app.state import Workbench
 from ema.errors import InputError
 from ema.fit import cmif
 from ema.messages import text, word
-from ema.show.frf import drive_points
+from ema.show.frf import drive_points, peaks
 from ema.show.moving import moving_shapes
 from ema.show.style import frf_label
 
 _MOST_LINES = 3000
+"""Most lines of a curve over frequency; all its peaks, and the lows of a coherence, are among them."""
 EXPORTS = {"uff55": "modes.uff", "uff58": "frfs.uff", "csv": "modes.csv"}
 """What can be exported, and the names of the files."""
 
@@ -86,7 +87,7 @@ def poles(bench: Workbench) -> dict[str, Any]:
     if table is None:
         return {"missing": text("There is no stabilisation diagram: the modes were not found through model orders.")}
     inside = run.frfs.band(*table.band)
-    lines = _few(inside.frequencies, np.asarray(cmif(inside)))
+    lines = peaks(inside.frequencies, np.asarray(cmif(inside)), _MOST_LINES)
     return {
         "frequency": numbers(table.natural_frequencies),
         "order": table.order.tolist(),
@@ -133,9 +134,10 @@ def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
     if run.reconstruction_error is not None:
         answer["error"] = numbers([100 * run.reconstruction_error[output, input_]], 3)[0]
     if frfs.coherence is not None:
-        step = _step(len(frfs.frequencies))
-        answer["coherence"] = numbers(frfs.coherence[::step, output, input_], 4)
-        answer["coherence_lines"] = numbers(frfs.frequencies[::step])
+        coherence = frfs.coherence[:, output, input_]
+        rows = strongest(1 - coherence)
+        answer["coherence"] = numbers(coherence[rows], 4)
+        answer["coherence_lines"] = numbers(frfs.frequencies[rows])
     return answer
 
 
@@ -281,22 +283,20 @@ def export(bench: Workbench, kind: str) -> tuple[str, bytes]:
         return name, path.read_bytes()
 
 
-def _step(lines: int) -> int:
-    return -(-lines // _MOST_LINES)
-
-
-def _few(frequencies: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most so many lines that keep every peak."""
-    starts = np.arange(0, len(frequencies), _step(len(frequencies)))
-    return frequencies[starts], np.maximum.reduceat(values, starts, axis=0)
+def strongest(values: np.ndarray, most: int = _MOST_LINES) -> np.ndarray:
+    """Rows of a curve, at most so many: of each group of neighbours that of the value of largest size."""
+    sizes = np.nan_to_num(np.abs(values), nan=-1.0)
+    step = max(1, -(-len(sizes) // most))
+    starts = range(0, len(sizes), step)
+    return np.array([start + int(np.argmax(sizes[start : start + step])) for start in starts], dtype=int)
 
 
 def curve(frequencies: np.ndarray, values: np.ndarray) -> dict[str, Any]:
-    """Magnitude and phase [deg] of an FRF, of every so many lines; magnitudes of zero are ``None``."""
-    step = _step(len(frequencies))
-    values = values[::step]
+    """Magnitude and phase [deg] of an FRF with all its peaks; magnitudes of zero are ``None``."""
+    rows = strongest(values)
+    values = values[rows]
     return {
-        "f": numbers(frequencies[::step]),
+        "f": numbers(frequencies[rows]),
         "magnitude": numbers(np.where(values == 0, np.nan, np.abs(values)), 5),
         "phase": numbers(np.degrees(np.angle(values)), 4),
     }

@@ -1,7 +1,5 @@
 """`ema archive`: an index of many campaigns, and questions about all of them."""
 
-import csv
-import io
 import os
 from datetime import date
 from pathlib import Path
@@ -10,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ema.cli.cluster import Cluster, workers
-from ema.cli.common import Jobs, Json, jsonable, status
+from ema.cli.common import Jobs, Json, jsonable, status, write_csv
 from ema.cli.ending import FINE, ends_well
 from ema.errors import InputError
 
@@ -114,7 +112,9 @@ def find(
     texts = {"structure": structure, "campaign": campaign, "run": run, "kind": kind, "finding": finding}
     answer = _asked(folder, _query(ranges, (since, until), texts, bare))
     if output is not None:
-        _write_csv(output, answer)
+        from ema.archive import Observation
+
+        write_csv(output, Observation._fields, answer.observations)
     _show(answer, output, json=json)
     return FINE
 
@@ -262,21 +262,6 @@ def _draw(answer: "Answer", path: Path) -> None:
         figure.savefig(target, format=path.suffix.lower().removeprefix("."), dpi=150)
 
 
-def _write_csv(path: Path, answer: "Answer") -> None:
-    """All modes in SI; what is not known is empty."""
-    from ema import store
-    from ema.archive import Observation
-    from ema.cells import as_text
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(Observation._fields)
-    for row in answer.observations:
-        writer.writerow([as_text(v) if isinstance(v, str) else "" if v != v else repr(v) for v in row])
-    with store.replacing(path) as target:
-        target.write_text(text.getvalue(), encoding="utf-8", newline="")
-
-
 def _show(answer: "Answer", written: Path | None, *, json: bool) -> None:
     from ema.cli import screen
     from ema.study.plain import finding
@@ -295,28 +280,30 @@ def _show(answer: "Answer", written: Path | None, *, json: bool) -> None:
     out.print(f"{total} modes in {answer.campaigns} campaigns with {answer.runs} runs{more}.", soft_wrap=True)
     screen.show_findings(out, answer.findings)
     if written is not None:
-        out.print(f"Written: {written}", soft_wrap=True)
+        screen.show_written(out, [written])
 
 
 def _table(answer: "Answer") -> Any:
-    from rich.table import Table
-    from rich.text import Text
+    from ema.cli import screen
 
-    table = Table()
     left = ("date", "structure", "campaign", "run")
-    for name in (*left, "F_N [N]", "F_E [N]", "f [Hz]", "95 %", "zeta [%]", "95 %"):
-        table.add_column(name, justify="left" if name in left else "right")
-    for row in answer.observations[:SHOWN]:
-        cells = [row.date or "-", row.structure, row.campaign, row.run + (" (older)" if row.state == "older" else "")]
-        cells += [_cell(row.normal_force, ".4g"), _cell(row.force_level, ".4g"), f"{row.frequency:.3f}"]
-        cells += [_interval(row.frequency_low, row.frequency_high, 3), f"{100 * row.damping:.4f}"]
-        cells += [_interval(100 * row.damping_low, 100 * row.damping_high, 4)]
-        table.add_row(*map(Text, cells))
-    return table
-
-
-def _cell(value: float, digits: str) -> str:
-    return "-" if value != value else f"{value:{digits}}"
+    rows = [
+        (
+            row.date or "-",
+            row.structure,
+            row.campaign,
+            row.run + (" (older)" if row.state == "older" else ""),
+            row.normal_force,
+            row.force_level,
+            f"{row.frequency:.3f}",
+            _interval(row.frequency_low, row.frequency_high, 3),
+            f"{100 * row.damping:.4f}",
+            _interval(100 * row.damping_low, 100 * row.damping_high, 4),
+        )
+        for row in answer.observations[:SHOWN]
+    ]
+    names = (*left, "F_N [N]", "F_E [N]", "f [Hz]", "95 %", "zeta [%]", "95 %")
+    return screen.table(names, rows, left=left, whole=())
 
 
 def _interval(low: float, high: float, digits: int) -> str:

@@ -141,21 +141,18 @@ def _mapping(proposal: "Proposal", target: Path, picture: Path | None, *, writte
 
 
 def _show(proposal: "Proposal", target: Path, picture: Path | None) -> None:
-    from rich.text import Text
 
     from ema.cli import screen
 
     out = screen.console()
-    out.print(Text(proposal.summary), soft_wrap=True)
+    out.print(proposal.summary, soft_wrap=True)
     screen.show_findings(out, proposal.findings)
     if proposal.left_out:
-        out.print(Text(f"{len(proposal.left_out)} files left out; the file says which, and why."))
+        out.print(f"{len(proposal.left_out)} files left out; the file says which, and why.")
     for question in proposal.questions:
         assumed = f"assumed {question.default}" if question.default else "needed before anything can be computed"
-        out.print(Text(f"not answered: {question.text} ({assumed}; --answer '{question.key}=...')"), soft_wrap=True)
+        out.print(f"not answered: {question.text} ({assumed}; --answer '{question.key}=...')", soft_wrap=True)
     if picture is not None:
-        out.print(Text(f"Geometry: {picture}"), soft_wrap=True)
-    out.print(Text(f"Written: {target}"), soft_wrap=True)
-    out.print(
-        Text(f"Next: `ema check {target.parent}` says what was measured and what is wrong with it."), soft_wrap=True
-    )
+        out.print(f"Geometry: {picture}", soft_wrap=True)
+    screen.show_written(out, [target])
+    out.print(f"Next: `ema check {target.parent}` says what was measured and what is wrong with it.", soft_wrap=True)

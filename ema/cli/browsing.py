@@ -1,7 +1,5 @@
 """`ema app`: a campaign, recipe or result on the workbench, and the workbench in a browser."""
 
-import json
-import tomllib
 import webbrowser
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -254,8 +252,10 @@ class Keeper:
 
 
 def _table(run: str, one: "Exclusion") -> str:
-    """One repair as TOML; JSON strings are TOML strings."""
-    text = {
+    """One repair as TOML."""
+    from ema.proposal.toml_text import table_text
+
+    repair = {
         "what": "exclude hit",
         "runs": [run],
         "files": [one.record],
@@ -263,10 +263,7 @@ def _table(run: str, one: "Exclusion") -> str:
         "who": one.who,
         "why": one.why,
     }
-    lines = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in text.items()]
-    table = "[[repairs]]\n" + "\n".join(lines) + "\n"
-    tomllib.loads(table)
-    return table
+    return table_text("[[repairs]]", repair)
 
 
 def _again(

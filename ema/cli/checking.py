@@ -5,9 +5,8 @@ from typing import Any
 
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
-from ema.cli.screen import show_findings
+from ema.cli.screen import show_findings, table
 from ema.data import AmplitudeDependentMode, Campaign, Finding, FrfSet, HitGallery, JointForce, Run
 from ema.progress import Progress
 from ema.study import chain
@@ -86,18 +85,18 @@ def _frfs(frfs: FrfSet) -> dict[str, Any]:
 
 def show(out: Console, campaign: Campaign, runs: list[Checked]) -> None:
     """Print the check for people."""
-    out.print(Text(campaign.name, style="bold"))
+    out.print(campaign.name, style="bold")
     for what in ("structure", "operator", "date", "comment"):
         if text := getattr(campaign, what):
-            out.print(Text(f"{what}: {text}"))
+            out.print(f"{what}: {text}")
     if campaign.channels:
         out.print(_channel_table(campaign))
     show_findings(out, campaign.findings)
     for one in runs:
         out.print()
-        out.print(Text(f"Run {one.run.id}", style="bold"))
+        out.print(f"Run {one.run.id}", style="bold")
         for line in _lines(one):
-            out.print(Text(line), soft_wrap=True)
+            out.print(line, soft_wrap=True)
         show_findings(out, one.findings)
 
 
@@ -147,11 +146,18 @@ def _channel(channel: Any) -> dict[str, Any]:
 
 
 def _channel_table(campaign: Campaign) -> Table:
-    table = Table(title="Channels (of the first record)", title_justify="left")
-    for name in ("name", "role", "quantity", "unit", "DOF", "range", "serial", "calibrated"):
-        table.add_column(name)
-    for one in campaign.channels:
-        full_scale = "" if one.range is None else f"{one.range:g}"
-        dof = "" if one.dof is None else str(one.dof)
-        table.add_row(one.name, one.role, one.quantity, one.unit, dof, full_scale, one.serial, one.calibrated_on)
-    return table
+    names = ("name", "role", "quantity", "unit", "DOF", "range", "serial", "calibrated")
+    rows = [
+        (
+            one.name,
+            one.role,
+            one.quantity,
+            one.unit,
+            "" if one.dof is None else one.dof,
+            "" if one.range is None else f"{one.range:g}",
+            one.serial,
+            one.calibrated_on,
+        )
+        for one in campaign.channels
+    ]
+    return table(names, rows, "Channels (of the first record)", left=names, whole=())

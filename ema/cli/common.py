@@ -9,6 +9,7 @@ import typer
 from ema.cli.ending import FINDINGS, FINE
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
     from ema.data import Finding
@@ -55,6 +56,25 @@ def save_pictures(folder: Path, figures: "Mapping[str, Figure]") -> list[Path]:
 def jsonable(row: Mapping[Any, Any]) -> dict[str, Any]:
     """A row of a table for JSON, which knows no NaN."""
     return {str(key): None if isinstance(value, float) and value != value else value for key, value in row.items()}
+
+
+def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a table in SI, whole or not at all; what is not known is empty.
+
+    Raises
+    ------
+    FailureError : the folder cannot be written, or the disk is full.
+    """
+    from ema import store
+    from ema.report.files import as_csv
+
+    with store.replacing(path) as target:
+        target.write_text(as_csv(columns, rows), encoding="utf-8", newline="")
+
+
+def records(table: "pd.DataFrame") -> list[dict[str, Any]]:
+    """A table for JSON."""
+    return [jsonable(row) for row in table.to_dict("records")]
 
 
 def split_formats(formats: str) -> Sequence[str]:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema.cells import as_text
-from ema.cli.common import Formats, Json, Language, jsonable, save_pictures, split_formats
+from ema.cli.common import Formats, Json, Language, records, save_pictures, split_formats, write_csv
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.errors import InputError
 from ema.messages import checked_language
@@ -96,7 +95,7 @@ def compare(
             {
                 "agrees": outcome.verdict.agrees,
                 "verdict": list(outcome.verdict.sentences),
-                "tables": {name: _rows(table) for name, table in outcome.tables.items()},
+                "tables": {name: records(table) for name, table in outcome.tables.items()},
                 "findings": [str(finding) for finding in outcome.findings],
                 "written": [str(one) for one in written],
             }
@@ -177,14 +176,10 @@ def _geometry(path: Path) -> "Geometry":
     """
     import acquisition
     from ema import store
-    from ema.data import Geometry
+    from ema.store.reading import containers
 
-    if store.is_store(path):
-        loaded = store.load(path)
-        items = list(loaded.values()) if hasattr(loaded, "values") else [loaded]
-        geometry = next((item for item in items if isinstance(item, Geometry)), None)
-    else:
-        geometry = acquisition.read(path).geometry
+    stored = store.is_store(path)
+    geometry = (acquisition.Contents.of(containers(path)) if stored else acquisition.read(path)).geometry
     if geometry is None:
         raise InputError("no points in this file", where=str(path), expected="coordinates of nodes")
     return geometry
@@ -280,31 +275,19 @@ def _write(folder: Path, outcome: Outcome, formats: Sequence[str], language: str
     store.save(written[0], outcome.contents)
     for name, table in outcome.tables.items():
         written.append(folder / f"{name}.csv")
-        with store.replacing(written[-1]) as target:
-            table.map(lambda cell: as_text(cell) if isinstance(cell, str) else cell).to_csv(target, index=False)
+        write_csv(written[-1], table.columns, table.itertuples(index=False))
     written += save_pictures(folder, outcome.pictures)
     report.write(outcome.contents, folder / "comparison.html", formats, language)
     return [*written, *(folder / f"comparison.{name}" for name in formats)]
 
 
-def _rows(table: "pd.DataFrame") -> list[dict[str, Any]]:
-    return [jsonable(row) for row in table.to_dict("records")]
-
-
 def _print(outcome: Outcome, written: list[Path]) -> None:
-    from rich.table import Table
-    from rich.text import Text
 
     from ema.cli import screen
 
     console = screen.console()
     for name, table in outcome.tables.items():
-        drawn = Table(title=name, title_justify="left", title_style="bold")
-        for column in table.columns:
-            drawn.add_column(Text(str(column)), justify="right", no_wrap=True)
-        for row in _rows(table):
-            drawn.add_row(*(f"{value:.5g}" if isinstance(value, float) else str(value) for value in row.values()))
-        console.print(drawn)
-    console.print(Text(str(outcome.verdict), style="bold" if outcome.verdict.agrees else "bold red"), soft_wrap=True)
+        console.print(screen.table(table.columns, table.itertuples(index=False), name, digits=".5g"))
+    console.print(str(outcome.verdict), style="bold" if outcome.verdict.agrees else "bold red", soft_wrap=True)
     screen.show_findings(console, outcome.findings)
-    console.print(Text("Written: " + ", ".join(str(path) for path in written)), soft_wrap=True)
+    screen.show_written(console, written)

@@ -37,19 +37,19 @@ def next_steps(folder: Path) -> str:
     str
         A few lines: what was found, and commands to paste, the next one first.
     """
-    found = _results(folder)
+    results = _results(folder)
     if (folder / "campaign.toml").is_file():
-        return _of_campaign(folder, found)
+        return _of_campaign(folder, results)
     if recipes := _recipes(folder):
         lines = ["Recipes in this folder:"]
         lines += [f"  ema run {_quoted(path.relative_to(folder))}" for path in recipes[:8]]
-        return _joined(lines, found)
+        return _joined(lines, results)
     if (folder / "rig.toml").is_file():
-        return _joined(["A measuring system is described here (rig.toml).", "  ema record .        measure"], found)
+        return _joined(["A measuring system is described here (rig.toml).", "  ema record .        measure"], results)
     if campaigns := sorted(path.parent for path in folder.glob("*/campaign.toml")):
         lines = [f"{len(campaigns)} campaigns below this folder; the first:"]
         lines += [f"  ema check {_quoted(campaigns[0].relative_to(folder))}"]
-        return _joined(lines, found)
+        return _joined(lines, results)
     count = _measurements(folder)
     if count:
         files = "file that could be a measurement" if count == 1 else "files that could be measurements"
@@ -58,12 +58,12 @@ def next_steps(folder: Path) -> str:
                 f"{count} {files}, and no campaign.toml.",
                 "  ema init .          propose one, with at most three questions",
             ],
-            found,
+            results,
         )
-    return _joined([_START], found) if found else _START
+    return _joined([_START], results) if results else _START
 
 
-def _of_campaign(folder: Path, found: list[Path]) -> str:
+def _of_campaign(folder: Path, results: list[Path]) -> str:
     if "TODO" in _text(folder / "campaign.toml"):
         lines = ["A campaign with open questions: look for TODO in campaign.toml, then"]
     else:
@@ -71,7 +71,7 @@ def _of_campaign(folder: Path, found: list[Path]) -> str:
     lines.append("  ema check .         what was measured, and what is wrong with it")
     lines.append("  ema run .           everything, from signals to the report")
     lines.append("  ema app .           in the browser")
-    return _joined(lines, found)
+    return _joined(lines, results)
 
 
 def _joined(lines: list[str], found: list[Path]) -> str:

@@ -101,33 +101,38 @@ def sentence(found: "JointAssessment") -> str:
 
 
 def _print(document: dict[str, Any]) -> None:
-    from rich.table import Table
-    from rich.text import Text
 
     from ema.cli import screen
 
     out = screen.console()
-    table = Table(title=document["title"], title_justify="left", title_style="bold")
-    for column in ("parameter", "95 % from", "to", "width / prior", "determined"):
-        table.add_column(column)
-    for row in document["parameters"]:
-        values = f"{row['low']:.4g}", f"{row['high']:.4g}", f"{row['over_prior']:.2f}"
-        table.add_row(Text(row["name"]), *values, "yes" if row["determined"] else "no")
-    out.print(table)
-    table = Table(title="What was said, and what all others predict", title_justify="left", title_style="bold")
-    for column in ("quantity", "95 % from", "to", "probability", "verdict"):
-        table.add_column(column)
+    names = ("parameter", "95 % from", "to", "width / prior", "determined")
+    rows: list[Any] = [
+        (
+            row["name"],
+            *(f"{row[name]:.4g}" for name in ("low", "high")),
+            f"{row['over_prior']:.2f}",
+            "yes" if row["determined"] else "no",
+        )
+        for row in document["parameters"]
+    ]
+    out.print(screen.table(names, rows, document["title"], left=names, whole=()))
+    names = ("quantity", "95 % from", "to", "probability", "verdict")
+    rows = []
     for row in document["statements"]:
         chance = row["probability"]
         values = ("-",) * 3 if chance is None else (f"{row['low']:.4g}", f"{row['high']:.4g}", f"{chance:.2g}")
-        table.add_row(Text(row["quantity"]), *values, row["verdict"])
-    out.print(table)
+        rows.append((row["quantity"], *values, row["verdict"]))
+    out.print(screen.table(names, rows, "What was said, and what all others predict", left=names, whole=()))
     if document["experiments"]:
-        table = Table(title="What would decide between one joint and two", title_justify="left", title_style="bold")
-        for column in ("measurement", "one joint", "two joints", "decides"):
-            table.add_column(column)
-        for row in document["experiments"]:
-            ends = (f"{low:.3g} to {high:.3g}" for low, high in (row["one"], row["two"]))
-            table.add_row(Text(row["name"]), *ends, f"{row['separates']:.0%}")
-        out.print(table)
-    out.print(Text(document["sentence"]), soft_wrap=True)
+        columns = ("measurement", "one joint", "two joints", "decides")
+        rows = [
+            (
+                row["name"],
+                *(f"{low:.3g} to {high:.3g}" for low, high in (row["one"], row["two"])),
+                f"{row['separates']:.0%}",
+            )
+            for row in document["experiments"]
+        ]
+        title = "What would decide between one joint and two"
+        out.print(screen.table(columns, rows, title, left=columns, whole=()))
+    out.print(document["sentence"], soft_wrap=True)

@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ema.cli.doctor import Check
+from ema.cli.screen import table
 from ema.contact.catalogue import KnownLaw
 from ema.messages import Kind
 
@@ -30,25 +31,24 @@ def formats_as_list(formats: list[Any]) -> list[dict[str, Any]]:
 
 def formats_as_table(formats: list[Any]) -> Table:
     """One row per format."""
-    table = Table()
-    for name in ("format", "suffixes", "reads", "writes", "works here"):
-        table.add_column(name)
-    for one in formats:
-        works = "yes" if one.available else f"needs friction-ema[{one.extra}]"
-        # Text, because square brackets are markup elsewhere
-        cells = (one.title, " ".join(one.suffixes), ", ".join(one.reads), ", ".join(one.writes), works)
-        table.add_row(*(Text(cell) for cell in cells))
-    return table
+    names = ("format", "suffixes", "reads", "writes", "works here")
+    rows = [
+        (
+            one.title,
+            " ".join(one.suffixes),
+            ", ".join(one.reads),
+            ", ".join(one.writes),
+            "yes" if one.available else f"needs friction-ema[{one.extra}]",
+        )
+        for one in formats
+    ]
+    return table(names, rows, left=names, whole=())
 
 
 def kinds_as_table(kinds: Sequence[Kind]) -> Table:
     """One row per kind of finding."""
-    table = Table()
-    for name in ("code", "meaning", "page of the docs"):
-        table.add_column(name, no_wrap=name == "code")
-    for kind in kinds:
-        table.add_row(kind.code, Text(kind.meaning), kind.page)
-    return table
+    names = ("code", "meaning", "page of the docs")
+    return table(names, [(kind.code, kind.meaning, kind.page) for kind in kinds], left=names, whole=("code",))
 
 
 def laws_as_list(laws: Sequence[KnownLaw]) -> list[dict[str, Any]]:
@@ -75,9 +75,7 @@ def laws_as_list(laws: Sequence[KnownLaw]) -> list[dict[str, Any]]:
 
 def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
     """One row per parameter; those of every law come first."""
-    table = Table(caption="A law of your own: ema.simulate.register_law, docs/laws.md.", caption_justify="left")
-    for name in ("law", "parameter", "unit", "default", "limits", "meaning"):
-        table.add_column(name, no_wrap=name in ("law", "parameter", "unit"))
+    names = ("law", "parameter", "unit", "default", "limits", "meaning")
     rows = [
         ("every law", "friction_coefficient", "-", "", "0 or more", "mu, slip force over normal force"),
         ("", "contact_stiffness", "N/m", "", "above 0", "k_T of the whole joint; coulomb may go without"),
@@ -91,9 +89,8 @@ def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
         for one in law.parameters:
             default = "one per spring" if one.several else f"{one.default:g}"
             rows.append(("", one.key, one.unit, default, one.limits, one.meaning))
-    for row in rows:
-        table.add_row(*(Text(cell) for cell in row), end_section=False)
-    return table
+    caption = "A law of your own: ema.simulate.register_law, docs/laws.md."
+    return table(names, rows, left=names, whole=names[:3], caption=caption)
 
 
 def show_checks(out: Console, checks: list[Check], repair: str) -> None:
@@ -101,4 +98,4 @@ def show_checks(out: Console, checks: list[Check], repair: str) -> None:
     for one in checks:
         mark, style = ("ok", "green") if one.works else ("no", "bold red" if one.needed else "yellow")
         out.print(Text(f"{mark:3}", style=style), Text(f"{one.what}: {one.detail}"), soft_wrap=True)
-    out.print(Text(f"To fix it: {repair}" if repair else "Everything works.", style="bold"), soft_wrap=True)
+    out.print(f"To fix it: {repair}" if repair else "Everything works.", style="bold", soft_wrap=True)

@@ -1,14 +1,12 @@
 """`ema map`: from a shaker campaign to the map of a mode over excitation and normal force."""
 
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ema.cli.cluster import Cluster, workers
-from ema.cli.common import Json, Limit, save_pictures, status
+from ema.cli.common import Json, Limit, save_pictures, status, write_csv
 from ema.cli.ending import ends_well
 from ema.errors import InputError
 
@@ -71,9 +69,9 @@ def make_map(
         for mode in modes:
             screen.console().print(f"{mode.name}, controlled: {mode.control}")
             for line in amplitude_lines(mode):
-                screen.console().print(f"  {line}", highlight=False, markup=False)
+                screen.console().print(f"  {line}")
             screen.show_findings(screen.console(), mode.findings)
-        screen.console().print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
+        screen.show_written(screen.console(), written)
     return status(findings, limit)
 
 
@@ -96,12 +94,13 @@ def _tables(study: "Study", near: list[float] | None, given: dict[str, Any]) -> 
 def _write(folder: Path, result: "MapResult") -> list[Path]:
     """Store, CSV and pictures of one map."""
     from ema import show, store
+    from ema.study.plain import points
 
     stem = "".join(c if c.isalnum() else "_" for c in result.name)
     written = [folder / f"{stem}.h5", folder / f"{stem}.csv"]
     store.save(written[0], result)
-    with store.replacing(written[1]) as target:
-        target.write_text(_csv(result), encoding="utf-8", newline="")
+    rows = points(result)
+    write_csv(written[1], rows[0], [row.values() for row in rows])
     pictures = {
         f"{stem}_damping": show.damping_map(result.chart),
         f"{stem}_frequency": show.frequency_map(result.chart),
@@ -122,39 +121,20 @@ def _write_mode(folder: Path, mode: "AmplitudeDependentMode") -> list[Path]:
     columns = [mode.amplitude]
     for band in (mode.frequency, mode.damping):
         columns += [band.value, band.low, band.high]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([[repr(float(value)) for value in row] for row in zip(*columns, strict=True)])
-    with store.replacing(written[1]) as target:
-        target.write_text(text.getvalue(), encoding="utf-8", newline="")
+    write_csv(written[1], header, zip(*columns, strict=True))
     return [*written, *save_pictures(folder, {f"{stem}_amplitude": show.amplitude_modes([mode])})]
-
-
-def _csv(result: "MapResult") -> str:
-    """One line per condition, SI and fractions; a hole is empty."""
-    from ema.study.plain import points
-
-    rows, text = points(result), io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(rows[0])
-    writer.writerows([["" if value != value else repr(value) for value in row.values()] for row in rows])
-    return text.getvalue()
 
 
 def _print(result: "MapResult") -> None:
     """Damping over normal force (across) and excitation (down), and what was noticed."""
-    from rich.table import Table
-
     from ema.cli import screen
 
     out, chart = screen.console(), result.chart
-    for values, title, digits in ((100 * chart.damping, "damping [%]", 2), (chart.frequency, "frequency [Hz]", 1)):
-        table = Table(title=f"{result.name}: {title}", title_justify="left", title_style="bold")
-        table.add_column("F_E [N]", justify="right")
-        for force in chart.normal_forces:
-            table.add_column(f"F_N {force:.5g} N", justify="right")
-        for level, row in zip(chart.force_levels, values, strict=True):
-            table.add_row(f"{level:.3g}", *("-" if one != one else f"{one:.{digits}f}" for one in row))
-        out.print(table)
+    for values, title, digits in (
+        (100 * chart.damping, "damping [%]", ".2f"),
+        (chart.frequency, "frequency [Hz]", ".1f"),
+    ):
+        names = ["F_E [N]", *(f"F_N {force:.5g} N" for force in chart.normal_forces)]
+        rows = [(f"{level:.3g}", *row) for level, row in zip(chart.force_levels, values, strict=True)]
+        out.print(screen.table(names, rows, f"{result.name}: {title}", whole=(), digits=digits))
     screen.show_findings(out, result.findings)

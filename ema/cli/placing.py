@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ema.cli.cluster import Cluster, workers
-from ema.cli.common import Formats, Json, Language, Limit, jsonable, save_pictures, split_formats, status
+from ema.cli.common import Formats, Json, Language, Limit, records, save_pictures, split_formats, status
 from ema.cli.ending import ends_well
 from ema.errors import InputError
 from ema.messages import checked_language
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ema.data import Geometry, ModalModel
     from ema.data.placement import Placement
     from ema.place.recipe import PlaceRecipe
@@ -195,10 +193,6 @@ def _write(found: "Placement", folder: Path, formats: Sequence[str], language: s
     return [*written, *(folder / f"placement.{name}" for name in formats)]
 
 
-def _records(table: "pd.DataFrame") -> list[dict[str, Any]]:
-    return [jsonable(row) for row in table.to_dict("records")]
-
-
 def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
     from ema.report.placement import answer
     from ema.report.trials import proposal
@@ -209,11 +203,11 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
         "answer": answer(found),
         "candidates": len(found.ranking.scores),
         "checked": len(found.ranking.shortlist),
-        "places": _records(found.ranking.table().reset_index()),
+        "places": records(found.ranking.table().reset_index()),
         "normal_forces": found.ranking.best.normal_forces.tolist(),
-        "forecast": [] if found.forecast is None else _records(found.forecast.table()),
+        "forecast": [] if found.forecast is None else records(found.forecast.table()),
         "next_test": None if found.trials is None else proposal(found.trials),
-        "trials": [] if found.trials is None else _records(found.trials.table()),
+        "trials": [] if found.trials is None else records(found.trials.table()),
         "control": None if found.control is None else found.control.verdict,
         "findings": [finding(one) for one in found.all_findings],
         "written": [str(path) for path in written],
@@ -221,8 +215,6 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
 
 
 def _show(found: "Placement", written: list[Path]) -> None:
-    from rich.table import Table
-    from rich.text import Text
 
     from ema.cli import screen
     from ema.report.placement import answer
@@ -230,18 +222,14 @@ def _show(found: "Placement", written: list[Path]) -> None:
 
     out = screen.console()
     if found.warning:
-        out.print(Text(found.warning, style="bold red"), soft_wrap=True)
+        out.print(found.warning, style="bold red", soft_wrap=True)
     frame = found.ranking.table().reset_index()
-    table = Table(title=f"{found.title}: {found.ranking.objective}", title_justify="left", title_style="bold")
-    for column in frame.columns:
-        table.add_column(Text(str(column)), justify="right")
-    for row in frame.itertuples(index=False):
-        table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in row))
-    out.print(table)
-    out.print(Text(answer(found)), soft_wrap=True)
+    title = f"{found.title}: {found.ranking.objective}"
+    out.print(screen.table(frame.columns, frame.itertuples(index=False), title, whole=()))
+    out.print(answer(found), soft_wrap=True)
     if found.trials is not None:
-        out.print(Text(proposal(found.trials)), soft_wrap=True)
+        out.print(proposal(found.trials), soft_wrap=True)
     if found.control is not None:
-        out.print(Text(found.control.verdict), soft_wrap=True)
+        out.print(found.control.verdict, soft_wrap=True)
     screen.show_findings(out, found.all_findings)
-    out.print(Text("Written: " + ", ".join(str(path) for path in written)), soft_wrap=True)
+    screen.show_written(out, written)

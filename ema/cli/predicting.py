@@ -101,7 +101,7 @@ def _of_levels(wanted: _Wanted, amplitude: list[str], run: str, up_to: str) -> i
         screen.as_json(prediction(predicted) | {"confirmed": tested, "written": [str(path) for path in written]})
     else:
         _print(predicted, [*amplitude_lines(predicted)], (inside, held_out) if up_to else None)
-        screen.console().print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
+        screen.show_written(screen.console(), written)
     return status(list(predicted.findings), wanted.limit)
 
 
@@ -135,9 +135,9 @@ def _of_map(wanted: _Wanted, model: Path, force: list[str], normal_force: list[s
     out = screen.console()
     lines = [f"{predicted.name}: medians and 95 % bands, which contain {predicted.contains}.", *map_lines(predicted)]
     for line in (*lines, predicted.statement):
-        out.print(line, highlight=False, markup=False, soft_wrap=True)
+        out.print(line, soft_wrap=True)
     screen.show_findings(out, predicted.findings)
-    out.print("Written: " + ", ".join(str(path) for path in written), soft_wrap=True)
+    screen.show_written(out, written)
     return status(list(predicted.findings), wanted.limit)
 
 
@@ -226,7 +226,7 @@ def _print(found: "AmplitudePrediction", lines: list[str], tested: tuple[int, in
     out = screen.console()
 
     def say(text: str) -> None:
-        out.print(text, highlight=False, markup=False, soft_wrap=True)
+        out.print(text, soft_wrap=True)
 
     say(f"{found.name}: medians and 95 % bands, which contain {found.damping.contains}.")
     for line in lines:

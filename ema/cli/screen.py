@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,6 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
-from rich.text import Text
 
 from ema.data import ConditionDifference, Finding, ModalModel, RepeatGroup, RunResult, StudyResult
 
@@ -23,8 +22,11 @@ _PLAIN_WIDTH = 160
 
 
 def console() -> Console:
-    """The standard output; wide where nobody watches, so that tables in files and pipes are whole."""
-    return Console(highlight=False, width=None if sys.stdout.isatty() else _PLAIN_WIDTH)
+    """The standard output; wide where nobody watches, so that tables in files and pipes are whole.
+
+    Names and texts are those of people: square brackets and colons in them are no markup.
+    """
+    return Console(highlight=False, markup=False, emoji=False, width=None if sys.stdout.isatty() else _PLAIN_WIDTH)
 
 
 def as_json(content: Any) -> None:
@@ -36,10 +38,10 @@ class Bars:
     """Progress bars on the error stream, gone when the work is done; none where nobody watches."""
 
     def __init__(self) -> None:
-        stream = Console(stderr=True)
+        stream = Console(stderr=True, highlight=False, markup=False, emoji=False)
         self._progress = Progress(
             SpinnerColumn(),
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
@@ -68,7 +70,7 @@ class Bars:
 
     def note(self, sentence: str) -> None:
         """Print a sentence about the work on the error stream; it stays."""
-        self._progress.console.print(Text(sentence), soft_wrap=True)
+        self._progress.console.print(sentence, soft_wrap=True)
 
 
 def show_result(out: Console, result: StudyResult, report: Path) -> None:
@@ -83,10 +85,10 @@ def show_result(out: Console, result: StudyResult, report: Path) -> None:
         out.print(f"{len(result.expectations) - len(missed)} of {len(result.expectations)} expected numbers met.")
         for one in missed:
             out.print(
-                Text(f"missed: {one.what}: found {one.found:.6g}, expected {one.expected:.6g} +- {one.tolerance:.3g}"),
+                f"missed: {one.what}: found {one.found:.6g}, expected {one.expected:.6g} +- {one.tolerance:.3g}",
                 style=_STYLES["error"],
             )
-    out.print(Text(f"Report: {report}"))
+    out.print(f"Report: {report}")
 
 
 def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -> Table:
@@ -121,7 +123,7 @@ def show_conditions(out: Console, result: StudyResult) -> None:
         if found.pairs and found.known.any():
             out.print(_difference_table(found))
     for sentence in difference_sentences(result.differences):
-        out.print(Text(sentence), soft_wrap=True)
+        out.print(sentence, soft_wrap=True)
 
 
 def _repeat_table(group: RepeatGroup) -> Table:
@@ -161,22 +163,44 @@ def _cells(values: np.ndarray) -> list[str]:
 
 
 def _table(title: str, columns: dict[str, Sequence[str]]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for name in columns:
-        table.add_column(name, justify="right", no_wrap=True)
-    for row in zip(*columns.values(), strict=True):
-        table.add_row(*row)
-    return table
+    return table(columns, zip(*columns.values(), strict=True), title)
+
+
+def table(
+    names: Iterable[str],
+    rows: Iterable[Iterable[Any]],
+    title: str = "",
+    *,
+    left: Collection[str] = (),
+    whole: Collection[str] | None = None,
+    digits: str = ".4g",
+    caption: str = "",
+) -> Table:
+    """Rows under the names of their columns.
+
+    Parameters
+    ----------
+    left : columns that are not on the right.
+    whole : columns whose lines are not broken; all of them by default.
+    digits : how a float is written; one that is not known is a dash.
+    """
+    drawn = Table(title=title or None, title_justify="left", title_style="bold")
+    drawn.caption, drawn.caption_justify = caption or None, "left"
+    for name in names:
+        drawn.add_column(str(name), justify="left" if name in left else "right", no_wrap=whole is None or name in whole)
+    for row in rows:
+        drawn.add_row(*(_written(value, digits) for value in row))
+    return drawn
+
+
+def _written(value: Any, digits: str) -> str:
+    if isinstance(value, float):
+        return "-" if value != value else f"{value:{digits}}"
+    return str(value)
 
 
 def opinion_table(opinion: "SecondOpinion", title: str) -> Table:
     """Two estimators side by side; differences in combined standard deviations."""
-    table = Table(
-        title=f"{title}: second opinion (ERA), differences in combined standard deviations s, limit "
-        f"{opinion.limit:.1f}",
-        title_justify="left",
-        title_style="bold",
-    )
     formats = {
         "f [Hz]": ".3f",
         "f second [Hz]": ".3f",
@@ -186,16 +210,27 @@ def opinion_table(opinion: "SecondOpinion", title: str) -> Table:
         "dzeta / s": "+.1f",
         "MAC": ".3f",
     }
-    rows = opinion.table()
-    for name in ("mode", *formats, "agrees"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for mode, row in rows.iterrows():
-        cells = [format(row[name], digits) if np.isfinite(row[name]) else "none" for name, digits in formats.items()]
-        table.add_row(str(mode), *cells, "yes" if row["agrees"] else "no")
-    return table
+    rows = [
+        (
+            mode,
+            *(format(row[name], digits) if np.isfinite(row[name]) else "none" for name, digits in formats.items()),
+            "yes" if row["agrees"] else "no",
+        )
+        for mode, row in opinion.table().iterrows()
+    ]
+    return table(
+        ("mode", *formats, "agrees"),
+        rows,
+        f"{title}: second opinion (ERA), differences in combined standard deviations s, limit {opinion.limit:.1f}",
+    )
 
 
 def show_findings(out: Console, findings: Sequence[Finding]) -> None:
     """One line per finding, the severity first."""
     for finding in findings:
-        out.print(Text(f"{finding.severity}: {finding}", style=_STYLES[finding.severity]), soft_wrap=True)
+        out.print(f"{finding.severity}: {finding}", style=_STYLES[finding.severity], soft_wrap=True)
+
+
+def show_written(out: Console, paths: Iterable[Path]) -> None:
+    """Where the results are."""
+    out.print("Written: " + ", ".join(str(path) for path in paths), soft_wrap=True)

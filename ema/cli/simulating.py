@@ -9,11 +9,11 @@ import typer
 from ema.cli.common import Json, Limit, jsonable, save_pictures, status
 from ema.cli.ending import ends_well
 from ema.cli.simulation_job import Job
-from ema.errors import FailureError, InputError
+from ema.errors import InputError
 
 if TYPE_CHECKING:
     from acquisition.model_file import ModelFile
-    from ema.data import BeamModel, Finding
+    from ema.data import BeamModel
     from ema.progress import Progress
 
 app = typer.Typer(name="simulate", no_args_is_help=True, help="Simulate a structure with friction joints.")
@@ -70,14 +70,15 @@ def _ended(
     import acquisition
     from acquisition import model_file
     from ema.cli import screen
+    from ema.study.study import make_folder
 
     tables, model = model_file.load(path), acquisition.open_model(path)
     folder = out or Path("simulated") / "".join(c if c.isalnum() else "_" for c in model.name)
-    _ready(folder)
+    make_folder(folder)
     with screen.Bars() as bars:
         job = work(tables, model, bars)
     written = _write(folder, name, model, job)
-    job.findings = _unique(job.findings)
+    job.findings = list(dict.fromkeys(job.findings))
     if json:
         from ema.study.plain import finding
 
@@ -97,29 +98,6 @@ def _ended(
     return status(job.findings, limit)
 
 
-def _ready(folder: Path) -> None:
-    """A folder that cannot be written is named before the work."""
-    import os
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        usable = os.access(folder, os.W_OK)
-    except OSError as error:
-        raise FailureError(
-            "the results cannot be written here",
-            where=str(folder),
-            got=error.strerror or str(error),
-            advice="give another folder with --out",
-        ) from error
-    if not usable:
-        raise FailureError(
-            "the results cannot be written here",
-            where=str(folder),
-            got="no write access",
-            advice="give another folder with --out",
-        )
-
-
 def _write(folder: Path, name: str, model: "BeamModel", job: Job) -> list[Path]:
     """The store and the pictures."""
     from ema import store
@@ -130,33 +108,16 @@ def _write(folder: Path, name: str, model: "BeamModel", job: Job) -> list[Path]:
 
 
 def _print(title: str, job: Job, written: Sequence[Path]) -> None:
-    from rich.table import Table
-    from rich.text import Text
 
     from ema.cli import screen
 
     out = screen.console()
     for name, rows in {title: job.rows, **job.more}.items():
-        table = Table(title=name, title_justify="left", title_style="bold")
-        for column in rows[0] if rows else ():
-            table.add_column(Text(column), justify="right", no_wrap=True)
-        for row in rows:
-            table.add_row(*(_text(value) for value in row.values()))
-        out.print(table)
+        out.print(screen.table(rows[0] if rows else (), (row.values() for row in rows), name))
     if job.statement:
-        out.print(Text(job.statement), soft_wrap=True)
+        out.print(job.statement, soft_wrap=True)
     screen.show_findings(out, job.findings)
-    out.print(Text("Written: " + ", ".join(str(path) for path in written)), soft_wrap=True)
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, float):
-        return "-" if value != value else f"{value:.4g}"
-    return str(value)
-
-
-def _unique(findings: Sequence["Finding"]) -> list["Finding"]:
-    return list(dict.fromkeys(findings))
+    screen.show_written(out, written)
 
 
 def _chosen(name: str, table: Any) -> Any:

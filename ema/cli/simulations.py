@@ -47,15 +47,20 @@ def snapback(
     progress : called while it is computed.
     """
     outputs = [table.at, *(dof for dof in table.outputs if dof != table.at)]
-    held = (table.load if load is None else load, table.at, table.duration if duration is None else duration, outputs)
+    release = (
+        table.load if load is None else load,
+        table.at,
+        table.duration if duration is None else duration,
+        outputs,
+    )
     responses: dict[str, Response] = {}
     decays: dict[str, Decay] = {}
     rows: list[dict[str, Any]] = []
     for label, pressed in _pressed(model, forces).items():
         if reference:
-            run = simulate.snapback_reference(pressed, *held, table.sampling_rate, check=True, progress=progress)
+            run = simulate.snapback_reference(pressed, *release, table.sampling_rate, check=True, progress=progress)
         else:
-            run = simulate.snapback(pressed, *held, table.sampling_rate, table.tolerance, progress=progress)
+            run = simulate.snapback(pressed, *release, table.sampling_rate, table.tolerance, progress=progress)
         responses[label] = run
         modes = _first_mode(pressed)
         decay = _decay(run, _band(*modes))

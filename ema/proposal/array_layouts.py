@@ -173,10 +173,10 @@ def _records(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], err
         if rate is not None:
             return Described("records", reader | {"sampling_rate": rate}, evidence=f"sampling rate from {rate}")
         return Described("records", reader, needs_rate=True, evidence="a block of signals without a time axis")
-    return _vectors(numbers, metadata, rate)
+    return _vectors(numbers, metadata)
 
 
-def _vectors(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], rate: str | None) -> Described:
+def _vectors(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> Described:
     """Signals as vectors of one length beside a time axis."""
     for time, value in numbers.items():
         step = _axis_step(value)

@@ -44,7 +44,7 @@ def tables_of(
         channels = _of_frfs(facts, series, counts, answers, sensor)
     dofs: list[dict[str, str]] = [{} for _ in facts]
     if series.directed and counts == "points":
-        dofs = _from_names(facts, series, channels)
+        dofs = _from_names(series, channels)
     return channels, dofs
 
 
@@ -294,7 +294,7 @@ def _place_frfs(
         raise InputError(error.what, where="fixed", got=error.got, expected=error.expected) from error
 
 
-def _from_names(facts: Sequence[FileFacts], series: Series, channels: list[dict[str, Any]]) -> list[dict[str, str]]:
+def _from_names(series: Series, channels: list[dict[str, Any]]) -> list[dict[str, str]]:
     """DOFs by channel name that the names of the files state."""
     responses = [channel for channel in channels if channel["role"] == "response"]
     forces = [channel for channel in channels if channel["role"] == "reference"]

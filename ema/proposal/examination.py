@@ -7,7 +7,7 @@ from typing import Any
 
 import acquisition
 from ema import store
-from ema.data import FrfSet, Geometry, Recording
+from ema.data import Geometry
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.progress import Progress, advance, silent
@@ -98,12 +98,12 @@ def examine(folder: Path, progress: Progress = silent) -> tuple[FileFacts, ...]:
     if not paths:
         advice = "`ema formats` lists what can be read"
         raise InputError("no measurements in this folder", where=str(folder), advice=advice)
-    found = []
+    facts = []
     for number, path in enumerate(paths):
         advance(progress, "reading the files", number, len(paths))
-        found.append(facts_of(path, path.relative_to(folder).as_posix()))
+        facts.append(facts_of(path, path.relative_to(folder).as_posix()))
     advance(progress, "reading the files", len(paths), len(paths))
-    return tuple(found)
+    return tuple(facts)
 
 
 def _hidden(path: Path) -> bool:
@@ -116,7 +116,7 @@ def facts_of(path: Path, label: str) -> FileFacts:
     evidence, needs_rate = "", False
     try:
         try:
-            contents = _stored(path) if store.is_store(path) else acquisition.read(path)
+            contents = acquisition.Contents.of(containers(path)) if store.is_store(path) else acquisition.read(path)
         except acquisition.UndescribedError as error:
             guess = described(error)
             if guess.kind in ("levels", "positions", "shapes", ""):
@@ -186,14 +186,3 @@ def _of_contents(
         return FileFacts(label, "geometry", **shared)
     said = next((one.message for one in contents.findings), "neither records nor FRFs nor a geometry")
     return FileFacts(label, "", reason=said)
-
-
-def _stored(path: Path) -> acquisition.Contents:
-    """What a file of ours holds."""
-    things = containers(path)
-    geometry = next((one for one in things if isinstance(one, Geometry)), None)
-    return acquisition.Contents(
-        recordings=tuple(one for one in things if isinstance(one, Recording)),
-        frfs=tuple(one for one in things if isinstance(one, FrfSet)),
-        geometry=geometry,
-    )

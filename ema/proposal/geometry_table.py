@@ -36,9 +36,9 @@ def candidate(facts: Sequence[FileFacts]) -> Chosen | None:
     """The one file with positions; none where several files have some."""
     if count(facts) != 1:
         return None
-    one = next(one for one in facts if one.geometry is not None or one.kind == "positions")
+    file = next(each for each in facts if each.geometry is not None or each.kind == "positions")
     # of several triples of columns the first is that of the points, as in xHammer ... xAccel
-    return Chosen(one) if one.geometry is not None else Chosen(one, next(iter(one.positions.values())))
+    return Chosen(file) if file.geometry is not None else Chosen(file, next(iter(file.positions.values())))
 
 
 def sensor_node(chosen: Chosen | None, folder: Path) -> int | None:

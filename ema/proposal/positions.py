@@ -72,7 +72,7 @@ def _coincident(geometry: Geometry, where: str) -> tuple[Finding, ...]:
 
 def _mirrored(geometry: Geometry, where: str) -> tuple[Finding, ...]:
     """Few points on the other side of a coordinate plane, whose mirror images are free and in line with the others."""
-    found = []
+    mirrored = []
     extent = float(np.ptp(geometry.xyz, axis=0).max())
     for axis, name in enumerate("xyz"):
         values = geometry.xyz[:, axis]
@@ -90,10 +90,10 @@ def _mirrored(geometry: Geometry, where: str) -> tuple[Finding, ...]:
                     tuple(np.round(image / (1e-4 * extent))) not in taken
                     and round(float(abs(values[place])) / (1e-4 * extent)) in known
                 ):
-                    found.append((int(geometry.nodes[place]), name, float(values[place])))
-    if not found:
+                    mirrored.append((int(geometry.nodes[place]), name, float(values[place])))
+    if not mirrored:
         return ()
-    listed = ", ".join(f"node {node} ({name} = {value:g} m)" for node, name, value in found[:5])
+    listed = ", ".join(f"node {node} ({name} = {value:g} m)" for node, name, value in mirrored[:5])
     message = f"{listed}: alone on that side, and the mirrored position is free."
     advice = "Check the sign of the coordinate."
-    return (Finding("warning", "node-mirrored", where, message, float(len(found)), 0.0, advice),)
+    return (Finding("warning", "node-mirrored", where, message, float(len(mirrored)), 0.0, advice),)

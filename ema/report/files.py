@@ -1,13 +1,14 @@
 """Writing the report and its tables: whole or not at all."""
 
 import csv
+from collections.abc import Iterable
 from io import StringIO
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 from ema.cells import as_text
 from ema.errors import FailureError
-from ema.report.blocks import Cell, Table
 from ema.report.numbers import Value
 from ema.store.atomic import replacing
 
@@ -36,18 +37,19 @@ def write_bytes(path: Path, content: bytes, what: str = "the report") -> None:
         raise FailureError(f"{what} cannot be written: {reason}", where=str(path), advice=error.advice) from cause
 
 
-def as_csv(table: Table) -> str:
-    """The table with its numbers in full, and no text that a spreadsheet would run."""
+def as_csv(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """Rows under the names of their columns: numbers in full, and no text that a spreadsheet would run."""
     target = StringIO()
     writer = csv.writer(target, lineterminator="\n")
-    writer.writerow([as_text(column) for column in table.columns])
-    for row in table.rows:
-        writer.writerow([_full(cell) for cell in row])
+    writer.writerow([as_text(column) for column in columns])
+    writer.writerows([_full(cell) for cell in row] for row in rows)
     return target.getvalue()
 
 
-def _full(cell: Cell) -> str | int:
+def _full(cell: Any) -> Any:
     """A number with all its digits, nothing where it is unknown, text as it is."""
     if isinstance(cell, Value):
-        return repr(float(cell.value)) if isfinite(cell.value) else ""
+        cell = float(cell.value) if isfinite(cell.value) else float("nan")
+    if isinstance(cell, float):
+        return "" if cell != cell else repr(float(cell))
     return as_text(cell) if isinstance(cell, str) else cell

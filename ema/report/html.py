@@ -1,21 +1,15 @@
 """The report as one HTML page, for the screen or for paper."""
 
 import re
-from base64 import b64encode
-from hashlib import sha256
 from importlib.resources import files
 from typing import Any
 
 from ema.messages import language, plural, text
 from ema.report.blocks import Animation
 from ema.report.document import Document
-from ema.show.moving import script as motion_script
+from ema.show.moving import page_script, script_source
 
 _NO_LETTERS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-
-_START = """for (const viewer of document.querySelectorAll(".motion"))
-  moveShapes(viewer, JSON.parse(viewer.querySelector("script").textContent));
-"""
 
 
 def printable(content: object) -> str:
@@ -43,15 +37,14 @@ def page(document: Document, tables: str, printed: bool = False) -> str:
         finalize=_finished,
     )
     environment.globals |= {"text": text, "plural": plural, "language": language()}
-    environment.filters["json_block"] = lambda data: Markup(data.replace("<", "\\u003c"))
-    script = f"{motion_script()}{_START}" if not printed and _has_motion(document) else ""
+    script = page_script() if not printed and _has_motion(document) else ""
     return environment.get_template("report.html").render(
         document=document,
         tables=tables,
         printed=printed,
         policy=_policy(script),
         script=Markup(script),
-        style=Markup(_template("report.css")),
+        style=Markup((files("ema.report") / "templates" / "report.css").read_text(encoding="utf-8")),
     )
 
 
@@ -68,11 +61,6 @@ def _has_motion(document: Document) -> bool:
     )
 
 
-def _template(name: str) -> str:
-    return (files("ema.report") / "templates" / name).read_text(encoding="utf-8")
-
-
 def _policy(script: str) -> str:
     """What a browser may do with the page: show its own images and style, and run this script alone."""
-    allowed = f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" if script else "'none'"
-    return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
+    return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {script_source(script)}"

@@ -1,11 +1,9 @@
 """Mode shapes that move inside the page."""
 
-import json
-
 from ema.data import Geometry, ModalModel
 from ema.messages import text
 from ema.report.blocks import Animation
-from ema.show.moving import moving_shapes
+from ema.show.moving import json_block, moving_shapes
 
 
 def animation(model: ModalModel, geometry: Geometry, run: str) -> Animation | None:
@@ -18,6 +16,4 @@ def animation(model: ModalModel, geometry: Geometry, run: str) -> Animation | No
     caption = text("Moving mode shapes: drag to turn, wheel to zoom, space to stop.")
     if left:
         caption += " " + text("The first {shown} modes; {left} more are drawn at rest below.", shown=shown, left=left)
-    return Animation(
-        text("Moving mode shapes of run {run}", run=run), json.dumps(content, separators=(",", ":")), caption
-    )
+    return Animation(text("Moving mode shapes of run {run}", run=run), json_block(content), caption)

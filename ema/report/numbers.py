@@ -71,12 +71,6 @@ def with_uncertainty(value: float | None, uncertainty: float | None, digits: int
     return Value(value, f"{rounded(value, uncertainty)} ± {rounded(uncertainty, uncertainty)}")
 
 
-def signed(value: float, digits: int = 3) -> Value:
-    """A change, with its sign."""
-    shown = plain(value, digits)
-    return Value(shown.value, "+" + shown.text if math.isfinite(value) and value > 0 else shown.text)
-
-
 def listed(words: Sequence[str]) -> str:
     """``1``, ``1 and 2``, ``1, 2 and 3``."""
     if len(words) < 2:

@@ -13,6 +13,7 @@ from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
 from ema.report.numbers import listed, plain, short
 from ema.report.trials import proposal, trial_blocks
+from ema.show.placement import score_unit
 from ema.synthesis import frfs as synthesised
 from ema.units import FRF_UNIT
 
@@ -272,8 +273,7 @@ def _shifts(bare: float, loaded: float, mass: float, joints: float) -> str:
 
 
 def _table(placement: Placement, book: Book) -> Block:
-    decibels = placement.ranking.objective.startswith(("peak", "chatter"))
-    scale, unit = (1, "dB") if decibels else (100, "%")
+    scale, unit = score_unit(placement)
     rows = [_row(number, place, scale) for number, place in enumerate(placement.ranking.places, 1)]
     columns = [
         text("Rank"),

@@ -66,7 +66,7 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: 
         document = document_of(result, book)
         contents = [_rendered(document, name, tables.name) for name in wanted]
     for table in book.tables:
-        write_bytes(tables / f"{table.name}.csv", as_csv(table).encode())
+        write_bytes(tables / f"{table.name}.csv", as_csv(table.columns, table.rows).encode())
     for each, content in zip(paths, contents, strict=True):
         write_bytes(each, content)
     return paths[0]

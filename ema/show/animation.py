@@ -1,11 +1,8 @@
 """Mode shapes that move, as a film, a three-dimensional model or a page."""
 
-import json
 import shutil
 import subprocess
-from base64 import b64encode
 from collections.abc import Iterable
-from hashlib import sha256
 from html import escape
 from itertools import chain
 from pathlib import Path
@@ -15,7 +12,7 @@ import numpy as np
 from ema.data import Geometry, ModalModel
 from ema.errors import FailureError, InputError
 from ema.show.gltf import animated_gltf
-from ema.show.moving import moving_scene, script
+from ema.show.moving import json_block, moving_scene, page_script, script_source
 from ema.show.renderer import Scene, rendered_frames, scene
 from ema.store.atomic import replacing, write_failure
 
@@ -167,13 +164,8 @@ def _glb(path: Path, scenes: list[Scene], frames: int) -> None:
 
 def _html(path: Path, scenes: list[Scene], frames: int) -> None:
     """A page that fetches nothing and runs no script but its own."""
-    start = (
-        'for (const viewer of document.querySelectorAll(".motion"))\n'
-        '  moveShapes(viewer, JSON.parse(viewer.querySelector("script").textContent));\n'
-    )
-    code = script() + start
-    digest = b64encode(sha256(code.encode()).digest()).decode()
-    policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    code = page_script()
+    policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src {script_source(code)}"
     style = (
         "body{font:15px sans-serif;margin:0;display:flex;flex-wrap:wrap}.motion{flex:1 1 480px;padding:12px}"
         "canvas{width:100%;height:70vh;border:1px solid #c4c4c4;touch-action:none;cursor:grab}select{display:none}"
@@ -181,13 +173,12 @@ def _html(path: Path, scenes: list[Scene], frames: int) -> None:
     )
     panels = []
     for each in scenes:
-        content = json.dumps(moving_scene(each), separators=(",", ":")).replace("<", "\\u003c")
         title = escape(each.title)
         panels.append(
             f'<section class="motion"><h1>{title}</h1><div class="tools"><select aria-label="mode"></select>'
             '<button type="button">Stop</button> <label>amplitude <input type="range" min="10" max="300" value="100">'
             f'</label></div><canvas tabindex="0" role="img" aria-label="{title}"></canvas>'
-            f'<script type="application/json">{content}</script></section>'
+            f'<script type="application/json">{json_block(moving_scene(each))}</script></section>'
         )
     head = f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">'
     title = escape("; ".join(each.title for each in scenes))

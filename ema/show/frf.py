@@ -30,11 +30,11 @@ _MOST_COLUMNS = 1500
 """Points of a curve that is drawn; every peak is among them."""
 
 
-def _peaks(
-    frequencies: Float[np.ndarray, "freq"], values: Float[np.ndarray, "freq frf"]
-) -> tuple[Float[np.ndarray, "line"], Float[np.ndarray, "line frf"]]:
-    """At most ``_MOST_COLUMNS`` lines that keep every peak: the largest value of each group of neighbours."""
-    step = -(-len(frequencies) // _MOST_COLUMNS)
+def peaks(
+    frequencies: Float[np.ndarray, "freq"], values: Float[np.ndarray, "freq curve"], most: int = _MOST_COLUMNS
+) -> tuple[Float[np.ndarray, "line"], Float[np.ndarray, "line curve"]]:
+    """At most so many lines that keep every peak: the largest value of each group of neighbours."""
+    step = -(-len(frequencies) // most)
     starts = np.arange(0, len(frequencies), step)
     return frequencies[starts], np.maximum.reduceat(values, starts, axis=0)
 
@@ -69,10 +69,10 @@ def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     figure = new_figure(3.6)
     axes = figure.subplots()
     magnitudes = np.abs(frfs.values).reshape(len(frfs.frequencies), -1)
-    lines, peaks = _peaks(frfs.frequencies, magnitudes)
+    lines, highest = peaks(frfs.frequencies, magnitudes)
     count = magnitudes.shape[1]
     faint = max(0.12, min(0.8, 12 / count))
-    curves = [np.column_stack([lines, column]) for column in _positive(peaks).T]
+    curves = [np.column_stack([lines, column]) for column in _positive(highest).T]
     axes.add_collection(LineCollection(curves, colors=GREY, linewidths=0.5, alpha=faint, rasterized=True))
     axes.set_yscale("log")
     axes.autoscale()
@@ -140,10 +140,10 @@ def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
 
 def _coherence_rows(figure: Figure, axes: Axes, frfs: FrfSet, values: Float[np.ndarray, "freq frf"]) -> None:
     """Every FRF as a row; groups of neighbouring lines show their lowest coherence, so that no dip is lost."""
-    lines, peaks = _peaks(frfs.frequencies, -values)
+    lines, highest = peaks(frfs.frequencies, -values)
     step = (lines[-1] - lines[0]) / max(len(lines) - 1, 1)
     extent = (float(lines[0] - step / 2), float(lines[-1] + step / 2), values.shape[1] - 0.5, -0.5)
-    image = axes.imshow(-peaks.T, vmin=0, vmax=1, extent=extent, aspect="auto", interpolation="nearest")
+    image = axes.imshow(-highest.T, vmin=0, vmax=1, extent=extent, aspect="auto", interpolation="nearest")
     labels = [frfs.label(o, i) for o in range(len(frfs.outputs)) for i in range(len(frfs.inputs))]
     places, texts = thin_labels(labels, 14)
     axes.set_yticks(places, texts, fontsize=6.5)

@@ -2,6 +2,7 @@
 
 import json
 from base64 import b64encode
+from hashlib import sha256
 from importlib.resources import files
 from itertools import pairwise
 from typing import Any
@@ -59,6 +60,23 @@ def script() -> str:
     """JavaScript with the function ``moveShapes(viewer, content)``, its button in the reader's language."""
     source = (files("ema.show") / "moving.js").read_text(encoding="utf-8")
     return source.replace('"Stop" : "Move"', f"{json.dumps(text('Stop'))} : {json.dumps(text('Move'))}")
+
+
+def page_script() -> str:
+    """The script with what starts it on every viewer of a page."""
+    return f"""{script()}for (const viewer of document.querySelectorAll(".motion"))
+  moveShapes(viewer, JSON.parse(viewer.querySelector("script").textContent));
+"""
+
+
+def script_source(code: str) -> str:
+    """What a Content-Security-Policy lets run: this script alone, none where it is empty."""
+    return f"'sha256-{b64encode(sha256(code.encode()).digest()).decode()}'" if code else "'none'"
+
+
+def json_block(content: dict[str, Any]) -> str:
+    """JSON in a ``script`` of a page, which nothing in it can end."""
+    return json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _encoded(shape: Complex[np.ndarray, "n 3"], keep: bool = False) -> str:

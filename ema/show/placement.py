@@ -46,8 +46,7 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
     if not finite.any():
         empty_note(panels[0], text("no place was found"))
         return figure
-    decibels = ranking.objective.startswith(("peak", "chatter"))
-    scale = 1.0 if decibels else 100.0
+    scale, unit = score_unit(placement)
     limits = scale * float(ranking.scores[finite].min()), scale * float(ranking.scores[finite].max())
     for axes, angle in zip(panels, angles):
         here = np.isclose(candidates.angles, angle, atol=1e-5)
@@ -72,9 +71,16 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
         axes.grid(visible=False)
     panels[-1].set_xlabel("x [m]")
     figure.colorbar(
-        mesh, ax=list(panels), label=text("Objective, one mode [dB]") if decibels else text("Objective, one mode [%]")
+        mesh,
+        ax=list(panels),
+        label=text("Objective, one mode [dB]") if unit == "dB" else text("Objective, one mode [%]"),
     )
     return figure
+
+
+def score_unit(placement: Placement) -> tuple[float, str]:
+    """Factor from a score to what people see, and its unit: levels are in decibels, ratios become percent."""
+    return (1.0, "dB") if placement.ranking.objective.startswith(("peak", "chatter")) else (100.0, "%")
 
 
 def _ground(axes: Axes, placement: Placement) -> None:

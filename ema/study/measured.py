@@ -54,14 +54,19 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
             expected="hammer, random, sweep or stepped sine",
             advice='state kind = "hammer" (or another) of the run in campaign.toml',
         )
+    frfs, hits = _of_records(run, settings, progress)
+    if settings.mount_mass > 0 and run.kind != "hammer":
+        frfs = estimate.without_mount_mass(frfs, settings.mount_mass, frfs.inputs[0])
+    return frfs, hits
+
+
+def _of_records(run: Run, settings: EstimateTable, progress: Progress) -> tuple[FrfSet, HitGallery | None]:
+    """FRFs and impacts of the records, of all set-ups together."""
     given = settings.given()
     options = {name: given[name] for name in _OPTIONS[run.kind] if name in given}
     setups = _setups(run)
     if len(setups) == 1:
-        frfs, hits = _estimated(run, options, progress)
-        if settings.mount_mass > 0 and run.kind != "hammer":
-            frfs = estimate.without_mount_mass(frfs, settings.mount_mass, frfs.inputs[0])
-        return frfs, hits
+        return _estimated(run, options, progress)
     estimates = [_estimated(one, options, progress) for one in setups.values()]
     lengths = [_block(frfs, one) for (frfs, _), one in zip(estimates, setups.values(), strict=True)]
     if len(set(lengths)) > 1 and "block" not in options:

@@ -1,17 +1,16 @@
 """What a study starts from: a campaign opened (a built-in one is written first), and fingerprints of its data."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import acquisition
 from acquisition import campaign_file
 from ema import store
-from ema.data import Campaign, Condition, Excitation, FrfSet, Geometry, Lazy, ModalModel, Recording, Run
+from ema.data import Campaign, Condition, Excitation, Run
 from ema.datasets import builtin
 from ema.errors import InputError
 from ema.fingerprint import of_files
 from ema.progress import Progress, advance, silent
+from ema.store.reading import containers
 
 
 def opened(path: Path, progress: Progress = silent, *, salvage: bool = False) -> Campaign:
@@ -30,7 +29,9 @@ def opened(path: Path, progress: Progress = silent, *, salvage: bool = False) ->
 
 
 def _of_file(path: Path, salvage: bool) -> Campaign:
-    contents = _stored(path) if store.is_store(path) else acquisition.read(path, salvage=salvage)
+    contents = (
+        acquisition.Contents.of(containers(path)) if store.is_store(path) else acquisition.read(path, salvage=salvage)
+    )
     if not contents.frfs:
         content, advice = "no measurements", "export FRFs (data set 58 of a universal file, or a table)"
         if contents.recordings:
@@ -49,22 +50,6 @@ def _of_file(path: Path, salvage: bool) -> Campaign:
         folder=str(path.parent),
         findings=contents.findings,
         inputs=((path.name, of_files([path])),),
-    )
-
-
-def _stored(path: Path) -> acquisition.Contents:
-    """FRFs, records, modes and geometry in a file of ours; others are left out."""
-    stored = store.load(path)
-    results = (
-        list(stored.values()) if isinstance(stored, Mapping) else list(stored) if isinstance(stored, Lazy) else [stored]
-    )
-
-    def of(kind: type) -> tuple[Any, ...]:
-        """Those of one kind."""
-        return tuple(result for result in results if isinstance(result, kind))
-
-    return acquisition.Contents(
-        recordings=of(Recording), frfs=of(FrfSet), modes=of(ModalModel), geometry=next(iter(of(Geometry)), None)
     )
 
 

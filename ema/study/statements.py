@@ -126,7 +126,12 @@ def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> list[Meas
     match table.quantity:
         case "damping" | "frequency":
             if table.level is None or table.force is None:
-                raise _unplaced(table, "level and force in N")
+                raise InputError(
+                    "the statement does not say where",
+                    where=f"[[statements]] {table.text}",
+                    got=table.quantity,
+                    expected="level and force in N",
+                )
             return [features.value(one, table.force) for one in lines.rows(table.quantity)]
         case "highest damping":
             return [features.highest(lines.rows("damping"))]
@@ -170,12 +175,6 @@ def _ridges_over(table: StatementTable, over: ModalMap, under: ModalMap) -> list
             above, below = (_Lines(there, one).rows("damping") for one in (over, under))
             measures += [features.ratio(features.ridge(a), features.ridge(b)) for a, b in zip(above, below)]
     return measures
-
-
-def _unplaced(table: StatementTable, expected: str) -> InputError:
-    return InputError(
-        "the statement does not say where", where=f"[[statements]] {table.text}", got=table.quantity, expected=expected
-    )
 
 
 def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:

@@ -16,10 +16,11 @@ import pytest
 import acquisition
 from ema import store
 from ema.app import Workbench, serve
+from ema.app.live_page import _signals
 from ema.app.state import Exclusion, nearest
-from ema.app.views import chart, export, frf, hits, matrix, motion, overview, point, poles, pulse
+from ema.app.views import chart, curve, export, frf, hits, matrix, motion, overview, point, poles, pulse
 from ema.cli.browsing import Keeper, workbench
-from ema.data import Condition, Excitation, JointForce, ModalMap, StudyResult
+from ema.data import Channel, Condition, Excitation, JointForce, ModalMap, Recording, StudyResult
 from ema.errors import FailureError, InputError
 from ema.study import Study
 
@@ -450,3 +451,28 @@ def test_places_of_a_placement(bench: Workbench):
         place_view(bench, 0, 15)
     with pytest.raises(InputError, match="no such placement; got 2"):
         placement_view(bench, 1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_long_curve_is_thinned_without_losing_a_peak(seed: int):
+    """Every so many lines alone would pass over a peak that is narrower than that."""
+    rng = np.random.default_rng(seed)
+    frequencies, values = np.arange(20_000) * 0.1, np.exp(1j * rng.uniform(-3, 3, 20_000))
+    lines = rng.choice(20_000, 5, replace=False)
+    values[lines] *= 1e3
+    shown = curve(frequencies, values)
+    assert len(shown["f"]) == len(shown["magnitude"]) == len(shown["phase"]) <= 3000
+    for line in lines:
+        place = shown["f"].index(pytest.approx(frequencies[line]))
+        assert shown["magnitude"][place] == pytest.approx(1e3, rel=1e-4)
+        assert shown["phase"][place] == pytest.approx(np.degrees(np.angle(values[line])), rel=1e-3)
+
+
+def test_the_live_page_keeps_the_peak_of_a_force_spectrum():
+    """Lines of a long record are thinned by the largest of their neighbours: the tone is among them, at 0 dB."""
+    rate, line = 10_000.0, 1234
+    times = np.arange(20_000) / rate
+    force = np.sin(2 * np.pi * line * rate / 20_000 * times)
+    shown = _signals(Recording(signals=force[None], sampling_rate=rate, channels=(Channel("force", role="reference"),)))
+    spectrum = dict(zip(shown["spectrum"]["f"], shown["spectrum"]["decibels"], strict=True))
+    assert len(spectrum) <= 2000 and spectrum[line * rate / 20_000] == 0

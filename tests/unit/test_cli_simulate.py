@@ -312,7 +312,8 @@ def test_imported_matrices_that_are_no_structure(tmp_path, place, value, words):
 def test_a_place_that_cannot_be_written_is_told_before_the_work(model, tmp_path):
     (tmp_path / "file").write_text("")
     done = ema("loop", model, "--output", tmp_path / "file" / "out")
-    assert done.exit_code == 3 and "cannot be written here" in done.stderr
+    assert done.exit_code == 3 and "the folder for the results cannot be used" in done.stderr
+    assert "choose another one with --output" in done.stderr
 
 
 def test_findings_decide_the_status(model, tmp_path):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from ema.cli import FORMER_OPTIONS, guidance
+from ema.cli import FORMER_OPTIONS, checking, guidance, screen
 from ema.cli.app import app
 from ema.errors import InputError
+from ema.examples import campaign, recording
 from ema.study import recipe
 
 COMMANDS = typer.main.get_command(app)
@@ -109,3 +111,13 @@ near = -3
 def test_one_mistake_is_one_sentence() -> None:
     with pytest.raises(InputError, match=r"^recipe.toml, line 2: unknown key 'titel'; did you mean title\?$"):
         recipe.parse('campaign = "data"\ntitel = "A"\n', "recipe.toml")
+
+
+@pytest.mark.parametrize("name", ["acc [m]", "acc [/1]", ":warning: 2"])
+def test_names_are_printed_as_they_are(name, capsys):
+    """Markup took ``[m]`` for a style, ``[/1]`` for the end of one, and ``:warning:`` for a sign."""
+    channel = replace(recording().channels[0], name=name)
+    checking.show(screen.console(), replace(campaign(), channels=(channel,)), [])
+    screen.console().print(f"{name}, controlled: force")
+    shown = capsys.readouterr().out
+    assert name in shown and f"{name}, controlled: force" in shown

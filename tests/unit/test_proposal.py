@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import acquisition
-from ema import proposal, show
+from ema import proposal, show, store
 from ema.data import Channel, Geometry, Recording
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.examples import modal_model
 from ema.proposal import positions
 from ema.proposal.array_layouts import described
+from ema.proposal.examination import facts_of
 from ema.proposal.file_names import series_of, taken_apart
 from ema.proposal.roles import judge, same_point
 from ema.proposal.toml_text import table_text, value_text
@@ -287,3 +289,10 @@ def test_folders_without_measurements_say_what_they_hold(tmp_path: Path) -> None
         proposal.propose(tmp_path)
     with pytest.raises(InputError, match="there is no such folder"):
         proposal.propose(tmp_path / "nowhere")
+
+
+def test_a_file_of_ours_with_modes_is_named_as_one_of_another_program_is(tmp_path: Path) -> None:
+    store.save(tmp_path / "ours.h5", modal_model())
+    acquisition.write(tmp_path / "foreign.uff", modal_model())
+    reasons = {facts_of(path, path.name).reason for path in (tmp_path / "ours.h5", tmp_path / "foreign.uff")}
+    assert reasons == {"a modal model; `ema compare` takes it"}

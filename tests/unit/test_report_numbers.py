@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ema.report.numbers import fixed, plain, rounded, short, signed, with_uncertainty
+from ema.report.numbers import fixed, plain, rounded, short, with_uncertainty
 
 
 @pytest.mark.parametrize(
@@ -45,6 +45,5 @@ def test_other_forms():
         "3.40e+08",
     ]
     assert str(plain(None)) == str(plain(math.inf)) == str(fixed(None, 2)) == short(None) == "–"
-    assert (str(signed(1.3, 2)), str(signed(-1.3, 2)), str(signed(0.0))) == ("+1.3", "-1.3", "0")
     assert str(rounded(230.0, 0.5)) == "230.00"
     assert plain(1 / 3, 2).value == 1 / 3

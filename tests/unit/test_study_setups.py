@@ -76,6 +76,19 @@ def test_random_excitation_in_set_ups():
     assert np.abs(inside.values - exact.values).max() < 2e-2 * np.abs(exact.values).max()
 
 
+def test_the_mass_of_the_mount_is_taken_off_in_set_ups_as_well():
+    """The load cell feels the force on structure and mount: F + m A F, with the accelerance A of the drive point."""
+    mass, drive = 1.0, RandomShakers(DOFS[:1], 10.0, (20.0, 900.0), duration=40.0)
+    taken = [*records(drive, (1, 2, 3), "A"), *records(drive, (1, 4, 5, 6), "B")]
+    run = Run("random", Condition(Excitation("random")), tuple(taken))
+    frfs, _ = frfs_of(run, EstimateTable(mount_mass=mass))
+    inside = frfs.band(60, 400)
+    exact = synthesis.frfs(model(), inside.frequencies, "accelerance", outputs=inside.outputs, inputs=inside.inputs)
+    point = exact.values[:, [exact.outputs.index(DOFS[0])]]
+    exact = exact.values / (1 - mass * point)
+    assert np.abs(inside.values - exact).max() < 2e-2 * np.abs(exact).max()
+
+
 def test_nothing_to_work_with_is_said():
     with pytest.raises(InputError, match="neither records nor FRFs"):
         frfs_of(Run("empty", Condition()), EstimateTable())
