@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 import scipy.stats
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import Finding, ModalModel
 from ema.dof import Dof
@@ -24,11 +24,12 @@ from ema.messages import mark
 EVIDENCE = 13.0
 """Twice the logarithm of the likelihood ratio from which on one channel that is asked alone is turned; of n channels
 2 log n more, and for a delay that turns the highest mode by an angle a another 2 log(1 + a / 0.4): so many more angles
-could have been found by chance."""
+could have been found by chance. Of 500 random structures in time 4 were named; of 196 late ones 135 with the right
+channels. With 17, before what most rows share was taken off, 121 instead of 130 were, and 4 instead of 6 in time."""
 
 FREEDOM = 4.0
 """Degrees of freedom of the distribution of the complexity of residues, with tails as of two kinds of modes in one
-structure. With 1000, a normal distribution, five times as many clean channels are named."""
+structure. A normal distribution with a scatter for each mode named 9 of 200 clean structures instead of 6."""
 
 SCATTERS = np.geomspace(0.005, 0.6, 14)
 """Ratios of real to imaginary part of residues by complex modes that are tried. The least, 0.3 degrees, is that below
@@ -86,7 +87,7 @@ def _furthest(omega: Float[np.ndarray, "mode ..."]) -> float:
 
 def _delays(omega: Float[np.ndarray, "mode ..."]) -> Float[np.ndarray, "value"]:
     turns = np.arange(_STEP, _furthest(omega) + _STEP, _STEP)
-    return np.concatenate([-turns[::-1], [0.0], turns]) / omega.max()
+    return np.asarray(np.concatenate([-turns[::-1], [0.0], turns]) / omega.max())
 
 
 def _surprise(omega: Float[np.ndarray, "mode ..."], delay: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -148,6 +149,11 @@ def turns(model: ModalModel, roving_forces: bool = False) -> tuple[Turn, ...]:
             residues, best = turned, rest
             delay, half = -sign * float(shared.value[0]), float(shared.half[0])
             found.append(Turn("delay", dof, column, True, not roving_forces, delay, half))
+    still = best.cause < 0
+    if len(still) > 2 and still.all() and not found:
+        still = _beside(residues, noise, omega, still).cause < 0
+    if 2 < len(still) < 2 * still.sum() < 2 * len(still):
+        best = _beside(residues, noise, omega, still)
     for number, cause in enumerate(_CAUSES):
         own = np.flatnonzero(best.cause == number)
         filtered = cause.kind == "high-pass"
@@ -158,6 +164,18 @@ def turns(model: ModalModel, roving_forces: bool = False) -> tuple[Turn, ...]:
             value = float(best.value[row]) * (1.0 if filtered else sign)
             found.append(Turn(cause.kind, model.dofs[row], row, False, roving_forces, value, float(best.half[row])))
     return tuple(found)
+
+
+def _beside(
+    residues: Residues,
+    noise: Float[np.ndarray, "mode row column"],
+    omega: Float[np.ndarray, "mode"],
+    still: Bool[np.ndarray, "row"],
+) -> _Explained:
+    """What explains the phases beside those that the rows ``still`` share, as by the complexity of a force's shape."""
+    gain = np.sqrt(_product(np.abs(residues) ** 2)[1])
+    square = np.sum((residues / gain)[:, still] ** 2, axis=1, keepdims=True)
+    return _explained(residues * np.exp(-0.5j * np.angle(-square)), noise, omega)
 
 
 def _together(
@@ -177,7 +195,7 @@ def _product(
     for _ in range(10):
         mode = np.mean(power / gain, axis=1, keepdims=True)
         gain = np.maximum(np.mean(power / np.maximum(mode, 1e-300), axis=0), 1e-300)
-    return mode * gain, gain
+    return np.asarray(mode * gain), gain
 
 
 def _explained(
@@ -190,7 +208,7 @@ def _explained(
     evidence = EVIDENCE + 2 * np.log(rows)
 
     def variance(scatter: float) -> Float[np.ndarray, "mode row column"]:
-        return scatter**2 * power + noise
+        return np.asarray(scatter**2 * power + noise)
 
     def turned(cause: _Cause, value: Float[np.ndarray, "#row"]) -> Residues:
         return np.asarray(residues * np.exp(-1j * cause.angle(omega, value[:, None])))
@@ -230,11 +248,14 @@ def _explained(
         tried.append((float(cost.sum() + common), cause, value, scatter))
     total, cause, value, scatter = min(tried, key=lambda one: one[0])
     freedom = max(rows * columns * (modes - 1), 1)
-    slopes = np.array([one.slope(omega, value[:, None])[:, :, 0] for one in _CAUSES])[cause, :, np.arange(rows)].T
-    # Fisher's information of Student's distribution
+    every = np.arange(rows)
+    slopes = np.array([one.slope(omega, value[:, None])[:, :, 0] for one in _CAUSES])[cause, :, every].T
+    # Fisher's information of Student's distribution; a row that scatters more than the others is less certain
     known = np.sum(slopes[..., None] ** 2 * np.abs(residues) ** 2 / variance(scatter), axis=(0, 2))
     known *= (FREEDOM + 1) / (FREEDOM + 3)
-    half = scipy.stats.t.isf(0.025, freedom) / np.sqrt(np.maximum(known, 1e-300))
+    left = np.array([turned(one, value).real ** 2 for one in _CAUSES])[cause, :, every].transpose(1, 0, 2)
+    own = np.sum(left / variance(scatter), axis=(0, 2)) / max(modes * columns - 1, 1)
+    half = scipy.stats.t.isf(0.025, freedom) * np.sqrt(np.maximum(own, 1.0) / np.maximum(known, 1e-300))
     return _Explained(cause, value, half, total)
 
 
