@@ -29,7 +29,7 @@ channels. With 17, before what most rows share was taken off, 121 instead of 130
 
 FREEDOM = 4.0
 """Degrees of freedom of the distribution of the complexity of residues, with tails as of two kinds of modes in one
-structure. A normal distribution with a scatter for each mode named 9 of 200 clean structures instead of 6."""
+structure. Not varied by itself: what half or twice as many change has not been counted."""
 
 SCATTERS = np.geomspace(0.005, 0.6, 14)
 """Ratios of real to imaginary part of residues by complex modes that are tried. The least, 0.3 degrees, is that below
