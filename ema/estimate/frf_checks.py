@@ -8,7 +8,6 @@ from jaxtyping import Float
 from ema.data import Finding, FrfSet, HitGallery, ModalModel
 from ema.dof import match
 from ema.errors import InputError
-from ema.estimate.channel_phase import about_phases
 from ema.estimate.turned_sensors import turned_sensors
 
 LOW_COHERENCE = 0.8
@@ -69,11 +68,9 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
     peaks = _resonances(alive, modes)
     findings += _coherence(alive, peaks)
     findings += _noise(alive)
-    conjugate = _conjugate(alive) if hits is None else []  # those of impacts are our own
-    findings += conjugate or _drive_points(alive)
+    findings += (_conjugate(alive) if hits is None else []) or _drive_points(alive)  # those of impacts are our own
     findings += _reciprocity(alive)
     findings += turned_sensors(alive, peaks)
-    findings += [] if conjugate else about_phases(alive)
     if hits is not None:
         findings += _beyond_force(alive, hits, peaks)
     return tuple(findings)

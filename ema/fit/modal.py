@@ -10,7 +10,7 @@ from jaxtyping import Complex, Float, Int
 from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
-from ema.fit import channel_delay, leakage, noise, peak_shape, set_up_shifts, set_ups, uncertainty
+from ema.fit import channel_phase, leakage, noise, peak_shape, set_up_shifts, set_ups, uncertainty
 from ema.fit.acceptance import Verdict, judge, surplus, with_shapes
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
@@ -147,9 +147,9 @@ class Estimate:
         frequencies = natural_frequencies(fit.poles + self.band.added_decay)
         peaks = peak_shape.findings(reported, frequencies, self.band.name or "fit")
         notes = _findings(self.band, self.data, self.optimum, self.errors, verdict, order, self.dropped)
-        late = channel_delay.delays(model, self.data.swapped)
-        model = channel_delay.widened(model, late, self.data.swapped)
-        peaks = (*peaks, *channel_delay.findings(late, self.band.name or "fit"))
+        turned = channel_phase.turns(model, self.data.swapped)
+        model = channel_phase.widened(model, turned)
+        peaks = (*peaks, *channel_phase.findings(turned, self.band.name or "fit"))
         return replace(model, findings=(*self._search(), *notes, *self._leakage(model), *peaks, *model.findings))
 
     def _search(self) -> tuple[Finding, ...]:

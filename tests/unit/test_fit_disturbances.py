@@ -129,6 +129,63 @@ def test_late_channels_are_named_with_their_delay(late: float) -> None:
     assert np.all(squares[:, [1, 4]] < 25)
 
 
+def two_forces(seed: int) -> np.ndarray:
+    """Accelerances of six outputs and two inputs, without noise; damping ratios of 1 to 8 % at other ``seed``s than 0."""
+    rng = np.random.default_rng([7, seed])
+    zeta = ZETA if seed == 0 else np.exp(rng.uniform(np.log(0.01), np.log(0.08), 4))
+    poles, shapes = poles_from(NATURAL, zeta), truth().shapes
+    model = ModalModel(poles, shapes, DOFS, shapes[:2] / (2j * poles.imag), DOFS[:2], scaling="unit modal mass")
+    return np.array(synthesise(model, FREQUENCIES, "accelerance").values)
+
+
+def named(values: np.ndarray, outputs: tuple[Dof, ...], inputs: tuple[Dof, ...]) -> list[tuple[str, float, float]]:
+    """DOF, delay and half its interval of each channel that the fit names, with noise of 0.5 %."""
+    rng = np.random.default_rng(values.shape)
+    std = 0.005 * np.sqrt(np.mean(np.abs(values) ** 2, axis=0) / 2)
+    values = values + std * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    frfs = FrfSet(FREQUENCIES, values, outputs, inputs, "accelerance", "m/s^2/N")
+    found = [one for one in modes(frfs, stabilise(frfs)).findings if one.code.startswith("channel-")]
+    assert all(one.code == "channel-delay" and one.value is not None and one.limit is not None for one in found)
+    return [(one.where.rpartition(" ")[2], float(one.value or 0), float(one.limit or 0)) for one in found]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("late", [100e-6, 700e-6])
+def test_the_late_one_of_two_forces_is_named(late: float, seed: int) -> None:
+    values = two_forces(seed)
+    values[:, :, 1] *= np.exp(2j * np.pi * FREQUENCIES * late)[:, None]
+    ((dof, value, half),) = named(values, DOFS, DOFS[:2])
+    assert dof == "2:+Z" and abs(value - late) < 3 * half
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_with_roving_forces_the_late_sensor_or_impact_is_named(seed: int) -> None:
+    """Forces at six points, two sensors, of which one measured in other units: sensitivities change no phase."""
+    values = two_forces(seed).transpose(0, 2, 1) * np.array([1.0, 1e3])[:, None]
+    turn = np.exp(-2j * np.pi * FREQUENCIES * 300e-6)
+    sensor, impact = values.copy(), values.copy()
+    sensor[:, 1] *= turn[:, None]
+    impact[:, :, 3] /= turn[:, None]
+    for wrong, at in ((sensor, "2:+Z"), (impact, "4:+Z")):
+        ((dof, value, half),) = named(wrong, DOFS[:2], DOFS)
+        assert dof == at and abs(value - 300e-6) < 3 * half
+    assert not named(values, DOFS[:2], DOFS)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_complex_modes_are_not_called_late(seed: int) -> None:
+    """A full damping matrix that turns residues by up to a radian, of modes with damping ratios of 0.5 to 8 %."""
+    rng = np.random.default_rng([8, seed])
+    omega = 2 * np.pi * np.sort(rng.uniform(100.0, 460.0, 5))
+    scale = np.sqrt(2 * np.exp(rng.uniform(np.log(0.005), np.log(0.08), 5)) * omega)
+    one = rng.standard_normal((5, 5))
+    one /= np.linalg.norm(one, axis=1, keepdims=True)
+    s = 2j * np.pi * FREQUENCIES[:, None, None]
+    stiffness = s**2 * np.eye(5) + s * (one @ one.T) * np.outer(scale, scale) + np.diag(omega**2)
+    shapes = rng.standard_normal((6, 5))
+    assert not named(s**2 * (shapes @ np.linalg.solve(stiffness, shapes[:1].T)), DOFS, DOFS[:1])
+
+
 def test_tones_of_the_mains_are_no_modes() -> None:
     values = clean()
     rng = np.random.default_rng(5)
