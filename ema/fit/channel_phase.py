@@ -210,38 +210,43 @@ def _explained(
     def variance(scatter: float) -> Float[np.ndarray, "mode row column"]:
         return np.asarray(scatter**2 * power + noise)
 
-    def turned(cause: _Cause, value: Float[np.ndarray, "#row"]) -> Residues:
-        return np.asarray(residues * np.exp(-1j * cause.angle(omega, value[:, None])))
+    levels = [1 / (FREEDOM * variance(scatter)) for scatter in _STARTS]
 
-    def misfit(back: Residues, scatter: float) -> Float[np.ndarray, "row"]:
-        squares = (FREEDOM + 1) * np.log1p(back.real**2 / (FREEDOM * variance(scatter)))
-        return np.asarray(np.sum(squares, axis=(0, 2)))
+    def turned(cause: _Cause, value: Float[np.ndarray, "#row"]) -> tuple[np.ndarray, np.ndarray]:
+        """Real and imaginary parts of the residues with the turn taken back."""
+        angle = cause.angle(omega, value[:, None])
+        cos, sin = np.cos(angle), np.sin(angle)
+        return residues.real * cos + residues.imag * sin, residues.imag * cos - residues.real * sin
+
+    def misfit(real: np.ndarray, level: np.ndarray) -> Float[np.ndarray, "row"]:
+        return np.asarray((FREEDOM + 1) * np.sum(np.log1p(real**2 * level), axis=(0, 2)))
 
     def starts(cause: _Cause) -> list[Float[np.ndarray, "row"]]:
         grid, cost = cause.grid(omega), []
         for one in grid[:, None]:
-            back = turned(cause, one)
-            cost.append([misfit(back, scatter) + cause.surprise(omega, one) for scatter in _STARTS])
+            real, _ = turned(cause, one)
+            cost.append([misfit(real, level) + cause.surprise(omega, one) for level in levels])
         return list(grid[np.argmin(cost, axis=0)])
 
     def refined(
-        cause: _Cause, value: Float[np.ndarray, "row"], scatter: float
+        cause: _Cause, value: Float[np.ndarray, "row"], level: np.ndarray
     ) -> tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]]:
         """Value after steps of Gauss and Newton, and its cost."""
         for _ in range(_STEPS_OF_NEWTON):
-            back, slope = turned(cause, value), cause.slope(omega, value[:, None])
-            weight = 1 / (FREEDOM * variance(scatter) + back.real**2)
-            change = np.sum(weight * back.real * slope * back.imag, axis=(0, 2))
-            value = value - change / np.maximum(np.sum(weight * (slope * back.imag) ** 2, axis=(0, 2)), 1e-300)
-        return value, misfit(turned(cause, value), scatter) + evidence + cause.surprise(omega, value)
+            (real, imaginary), slope = turned(cause, value), cause.slope(omega, value[:, None])
+            weight, along = level / (1 + level * real**2), slope * imaginary
+            change = np.sum(weight * real * along, axis=(0, 2))
+            value = value - change / np.maximum(np.sum(weight * along**2, axis=(0, 2)), 1e-300)
+        return value, misfit(turned(cause, value)[0], level) + evidence + cause.surprise(omega, value)
 
     first = [(number, value) for number, cause in enumerate(_CAUSES) for value in starts(cause)]
     tried = []
     for scatter in SCATTERS:
-        common = np.sum(np.log(variance(scatter) / power)) + (np.log(scatter / USUAL) / SPREAD) ** 2
-        cause, value, cost = np.full(rows, -1), np.zeros(rows), misfit(residues, scatter)
+        level = 1 / (FREEDOM * variance(scatter))
+        common = -np.sum(np.log(FREEDOM * level * power)) + (np.log(scatter / USUAL) / SPREAD) ** 2
+        cause, value, cost = np.full(rows, -1), np.zeros(rows), misfit(residues.real, level)
         for number, begin in first:
-            own, price = refined(_CAUSES[number], begin, scatter)
+            own, price = refined(_CAUSES[number], begin, level)
             better = price < cost
             cause, value = np.where(better, number, cause), np.where(better, own, value)
             cost = np.where(better, price, cost)
@@ -253,7 +258,7 @@ def _explained(
     # Fisher's information of Student's distribution; a row that scatters more than the others is less certain
     known = np.sum(slopes[..., None] ** 2 * np.abs(residues) ** 2 / variance(scatter), axis=(0, 2))
     known *= (FREEDOM + 1) / (FREEDOM + 3)
-    left = np.array([turned(one, value).real ** 2 for one in _CAUSES])[cause, :, every].transpose(1, 0, 2)
+    left = np.array([turned(one, value)[0] ** 2 for one in _CAUSES])[cause, :, every].transpose(1, 0, 2)
     own = np.sum(left / variance(scatter), axis=(0, 2)) / max(modes * columns - 1, 1)
     half = scipy.stats.t.isf(0.025, freedom) * np.sqrt(np.maximum(own, 1.0) / np.maximum(known, 1e-300))
     return _Explained(cause, value, half, total)
