@@ -11,17 +11,9 @@ WITHOUT = {
 }
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
-    "accuracy, case",
-    "accuracy, cost",
-    "accuracy, halves",
-    "accuracy, listed",
-    "accuracy, residues",
-    "accuracy, small",
-    "accuracy, systems",
     "archive",
     "joint_law",
     "joint_maps",
-    "uff",
 }
 """Measured with an earlier version of the code, and their pages say so: an entry goes when its bench has run again."""
 
