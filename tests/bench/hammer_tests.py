@@ -45,7 +45,7 @@ class Test:
         return hammer(self.run).band(*self.band)
 
 
-def hammer_test(seed: int, number: int) -> Test:
+def drawn_test(seed: int, number: int) -> Test:
     """A structure of 1 to 6 modes from 25 to 900 Hz, 2 to 4 points struck, one or two accelerometers."""
     rng = np.random.default_rng([seed, number])
     count, points, sensors = int(rng.integers(1, 7)), int(rng.integers(2, 5)), int(rng.integers(1, 3))
@@ -145,7 +145,7 @@ def main() -> None:
     options = parser.parse_args()
     scores = []
     for number in range(options.systems):
-        scores.append(score(hammer_test(options.seed, number)))
+        scores.append(score(drawn_test(options.seed, number)))
         so_far = together(scores)
         print(
             f"{number + 1} systems, {so_far.modes} modes, {so_far.missed} missed, {so_far.false} false, {so_far.named} "

@@ -13,7 +13,7 @@ def test_modes_of_hammer_tests_are_found_and_their_intervals_hold():
     when blocks began before the impact, peaks of 32 structures were named as those of no linear mode.
     """
     scores = hammer_tests.together(
-        [hammer_tests.score(hammer_tests.hammer_test(SEED, number)) for number in range(SYSTEMS)]
+        [hammer_tests.score(hammer_tests.drawn_test(SEED, number)) for number in range(SYSTEMS)]
     )
     assert scores.modes > 40
     assert scores.missed == 0 and scores.false <= 1 and scores.named == 0
