@@ -5,10 +5,7 @@ import pytest
 from tests.bench import files, provenance
 from tests.bench.accuracy import JUDGES, RESTS
 
-WITHOUT = {
-    "accuracy, peers",
-    *(f"fit, {part}" for part in ("160x1601", "160x6401", "900x4096", "random")),
-}
+WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
     "archive",
