@@ -15,7 +15,7 @@ _CHANCE = 2.5
 """Autocorrelation times the root of the number of values up to which a residual is taken for white: 3.5 standard
 deviations (Bartlett 1946, of real parts), once in 4000."""
 _PARTS = 8
-"""Parts of the band of which the median counts: three with modes that the fit has not do not move it."""
+"""Parts of the band of which the median counts: with modes missing in three of them it lies among the other five."""
 _LINES_OF_PART = 50
 """Lines of such a part at least: the autocorrelation of one FRF scatters by a tenth there (Bartlett 1946)."""
 
