@@ -13,11 +13,16 @@ def inline(self: Any, node: nodes.math) -> None:
     raise nodes.SkipNode
 
 
+LAID_OUT = "display: block; overflow: auto; padding: 0.6em 0"
+"""The theme lays equations out for MathJax: it cuts off what is higher than a line and moves them to the right."""
+
+
 def block(self: Any, node: nodes.math_block) -> None:
     """Write an equation of its own, with its number where it has one."""
-    number = f'<span class="eqno">({node["number"]})</span>' if node.get("number") else ""
+    number = f'<span class="eqno" style="float: right">({node["number"]})</span>' if node.get("number") else ""
     anchor = f' id="equation-{node["label"]}"' if node.get("label") else ""
-    self.body.append(f'<div class="math"{anchor}>{number}{convert(node.astext(), display="block")}</div>')
+    equation = convert(node.astext(), display="block")
+    self.body.append(f'<div class="math" style="{LAID_OUT}"{anchor}>{number}{equation}</div>')
     raise nodes.SkipNode
 
 
