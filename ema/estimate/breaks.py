@@ -43,7 +43,7 @@ SILENT = 0.3
 its noise, which may be as large as a fifth."""
 
 LEARNT = 8, 4096
-"""Stretches of a record, and their samples, from which the prediction is learnt."""
+"""Stretches of a long record, and their samples, from which the prediction is learnt."""
 
 FEWEST = 1024
 """Samples of a record below which the prediction is not learnt: thirty for each unknown."""
@@ -166,35 +166,51 @@ def _learnt(
     """For each response the filters of the forces and of the response itself that leave the error of its prediction."""
     samples = signals.shape[1]
     stretches, length = LEARNT
-    starts = np.unique(np.linspace(0, max(samples - length, 0), stretches).round().astype(int))
-    stretch = [slice(a, a + length) for a in starts]
+    starts, length = ([0], samples) if samples <= stretches * length else (_spaced(samples), length)
+    stretch = [slice(start, start + length) for start in starts]
+    kept, of_forces = len(starts) * (length - ORDER), inputs * (ORDER + 1)
+    basis = np.empty((of_forces + ORDER, kept))
 
     def scaled(row: int) -> list[Float[np.ndarray, "sample"]]:
         return [(signals[rows[row], part] - means[row]) / sizes[row] for part in stretch]
 
-    forces = np.hstack([np.vstack([_lagged(part, 0) for part in scaled(row)]) for row in range(inputs)])
+    for row in range(inputs):
+        parts = scaled(row)
+        for lag in range(ORDER + 1):
+            basis[row * (ORDER + 1) + lag] = _lagged(parts, lag)
     filters = []
     for row in range(inputs, len(rows)):
         parts = scaled(row)
-        past = np.vstack([_lagged(part, 1) for part in parts])
-        wanted = np.concatenate([part[ORDER:] for part in parts])
-        basis, kept = np.hstack([forces, past]), np.ones(len(wanted), bool)
-        for _ in range(2):  # the second time without what stands out
-            square = basis[kept].T @ basis[kept]
-            square += 1e-10 * np.trace(square) / len(square) * np.eye(len(square))
-            solved = np.linalg.solve(square, basis[kept].T @ wanted[kept])
-            error = np.abs(wanted - basis @ solved)
-            kept = error < 6 * max(float(np.median(error)), 1e-300) / 0.6745
-        taps = -solved.reshape(inputs * (ORDER + 1) + ORDER)
-        own = np.concatenate([[1.0], taps[inputs * (ORDER + 1) :]])
-        filters.append(np.vstack([taps[: inputs * (ORDER + 1)].reshape(inputs, ORDER + 1), own]))
+        for lag in range(1, ORDER + 1):
+            basis[of_forces + lag - 1] = _lagged(parts, lag)
+        wanted = _lagged(parts, 0)
+        square, right = basis @ basis.T, basis @ wanted
+        solved = _solved(square, right)
+        error = np.abs(wanted - solved @ basis)
+        # Once more without what stands out.
+        out = error >= 6 * max(float(np.median(error)), 1e-300) / 0.6745
+        beside = basis[:, out]
+        taps = -_solved(square - beside @ beside.T, right - beside @ wanted[out])
+        own = np.concatenate([[1.0], taps[of_forces:]])
+        filters.append(np.vstack([taps[:of_forces].reshape(inputs, ORDER + 1), own]))
     return filters
 
 
-def _lagged(signal: Float[np.ndarray, "sample"], least: int) -> Float[np.ndarray, "kept lag"]:
-    """For each sample from ``ORDER`` on those before it, from ``least`` to ``ORDER``."""
-    windows = np.lib.stride_tricks.sliding_window_view(signal, ORDER + 1)[:, ::-1]
-    return np.asarray(windows[:, least:])
+def _spaced(samples: int) -> list[int]:
+    """First samples of the stretches of a long record."""
+    stretches, length = LEARNT
+    return [round(start) for start in np.linspace(0, samples - length, stretches)]
+
+
+def _solved(square: Float[np.ndarray, "tap tap"], right: Float[np.ndarray, "tap"]) -> Float[np.ndarray, "tap"]:
+    """Least squares, with a little added to the information so that silent channels have a solution."""
+    ridge = 1e-10 * np.trace(square) / len(square) * np.eye(len(square))
+    return np.asarray(np.linalg.solve(square + ridge, right))
+
+
+def _lagged(parts: Sequence[Float[np.ndarray, "sample"]], lag: int) -> Float[np.ndarray, "kept"]:
+    """The sample so many before each one from ``ORDER`` on, of all stretches."""
+    return np.concatenate([part[ORDER - lag : len(part) - lag] for part in parts])
 
 
 def _broken(

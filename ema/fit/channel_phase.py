@@ -45,8 +45,14 @@ ALIKE = 1.0
 """The same where there are two modes: both are turned to the imaginary axis by many a delay."""
 
 _STEP = 0.25
+"""Turn of the highest mode [rad] between the delays that are tried."""
 _STEPS_OF_NEWTON = 5
+"""Steps from there to the best value near by."""
 _STARTS = (0.03, 0.2)
+"""Scatters for which the best of these are looked for: a small one for late channels among modes in phase, a large one
+for those among complex modes."""
+_AT_ONCE = 100_000
+"""Values that are worked on at a time."""
 
 Residues = Complex[np.ndarray, "mode row column"]
 Kind = Literal["delay", "high-pass"]
@@ -202,64 +208,68 @@ def _explained(
     residues: Residues, noise: Float[np.ndarray, "mode row column"], omega: Float[np.ndarray, "mode"]
 ) -> _Explained:
     """Causes and values of all rows, with that scatter of the phases by complex modes for which they cost least."""
-    power = np.maximum(_product(np.abs(residues) ** 2)[0], 1e-300)
-    modes, rows, columns = residues.shape
+    # Rows last: they are the many.
+    power, residues, noise = (
+        np.ascontiguousarray(values.transpose(0, 2, 1))
+        for values in (np.maximum(_product(np.abs(residues) ** 2)[0], 1e-300), residues, noise)
+    )
+    modes, columns, rows = residues.shape
     omega = omega[:, None, None]
     evidence = EVIDENCE + 2 * np.log(rows)
 
-    def variance(scatter: float) -> Float[np.ndarray, "mode row column"]:
+    def variance(scatter: float) -> Float[np.ndarray, "mode column row"]:
         return np.asarray(scatter**2 * power + noise)
 
     levels = [1 / (FREEDOM * variance(scatter)) for scatter in _STARTS]
 
-    def turned(cause: _Cause, value: Float[np.ndarray, "#row"]) -> tuple[np.ndarray, np.ndarray]:
+    def turned(cause: _Cause, value: Float[np.ndarray, "*start row"]) -> tuple[np.ndarray, np.ndarray]:
         """Real and imaginary parts of the residues with the turn taken back."""
-        angle = cause.angle(omega, value[:, None])
+        angle = cause.angle(omega, value[..., None, None, :])
         cos, sin = np.cos(angle), np.sin(angle)
         return residues.real * cos + residues.imag * sin, residues.imag * cos - residues.real * sin
 
-    def misfit(real: np.ndarray, level: np.ndarray) -> Float[np.ndarray, "row"]:
-        return np.asarray((FREEDOM + 1) * np.sum(np.log1p(real**2 * level), axis=(0, 2)))
+    def misfit(real: np.ndarray, level: np.ndarray) -> Float[np.ndarray, "*start row"]:
+        return np.asarray((FREEDOM + 1) * np.sum(np.log1p(real**2 * level), axis=(-3, -2)))
 
-    def starts(cause: _Cause) -> list[Float[np.ndarray, "row"]]:
-        grid, cost = cause.grid(omega), []
-        for one in grid[:, None]:
-            real, _ = turned(cause, one)
-            cost.append([misfit(real, level) + cause.surprise(omega, one) for level in levels])
-        return list(grid[np.argmin(cost, axis=0)])
+    def starts(cause: _Cause) -> Float[np.ndarray, "start row"]:
+        grid, cost = cause.grid(omega)[:, None], []
+        for part in np.array_split(grid, -(-len(grid) * residues.size // _AT_ONCE)):
+            real, _ = turned(cause, part)
+            cost.append([misfit(real, level) + cause.surprise(omega, part) for level in levels])
+        return np.asarray(grid[np.argmin(np.concatenate(cost, axis=1), axis=1), 0])
 
     def refined(
-        cause: _Cause, value: Float[np.ndarray, "row"], level: np.ndarray
-    ) -> tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]]:
-        """Value after steps of Gauss and Newton, and its cost."""
+        cause: _Cause, value: Float[np.ndarray, "start row"], level: np.ndarray
+    ) -> tuple[Float[np.ndarray, "start row"], Float[np.ndarray, "start row"]]:
+        """Values after steps of Gauss and Newton, and their cost."""
         for _ in range(_STEPS_OF_NEWTON):
-            (real, imaginary), slope = turned(cause, value), cause.slope(omega, value[:, None])
+            (real, imaginary), slope = turned(cause, value), cause.slope(omega, value[..., None, None, :])
             weight, along = level / (1 + level * real**2), slope * imaginary
-            change = np.sum(weight * real * along, axis=(0, 2))
-            value = value - change / np.maximum(np.sum(weight * along**2, axis=(0, 2)), 1e-300)
+            change = np.sum(weight * real * along, axis=(-3, -2))
+            value = value - change / np.maximum(np.sum(weight * along**2, axis=(-3, -2)), 1e-300)
         return value, misfit(turned(cause, value)[0], level) + evidence + cause.surprise(omega, value)
 
-    first = [(number, value) for number, cause in enumerate(_CAUSES) for value in starts(cause)]
+    first = [starts(cause) for cause in _CAUSES]
     tried = []
     for scatter in SCATTERS:
         level = 1 / (FREEDOM * variance(scatter))
         common = -np.sum(np.log(FREEDOM * level * power)) + (np.log(scatter / USUAL) / SPREAD) ** 2
         cause, value, cost = np.full(rows, -1), np.zeros(rows), misfit(residues.real, level)
-        for number, begin in first:
-            own, price = refined(_CAUSES[number], begin, level)
-            better = price < cost
-            cause, value = np.where(better, number, cause), np.where(better, own, value)
-            cost = np.where(better, price, cost)
+        for number, begin in enumerate(first):
+            for own, price in zip(*refined(_CAUSES[number], begin, level), strict=True):
+                better = price < cost
+                cause, value = np.where(better, number, cause), np.where(better, own, value)
+                cost = np.where(better, price, cost)
         tried.append((float(cost.sum() + common), cause, value, scatter))
     total, cause, value, scatter = min(tried, key=lambda one: one[0])
     freedom = max(rows * columns * (modes - 1), 1)
     every = np.arange(rows)
-    slopes = np.array([one.slope(omega, value[:, None])[:, :, 0] for one in _CAUSES])[cause, :, every].T
+    slopes = np.array([one.slope(omega, value)[:, 0] for one in _CAUSES])[cause, :, every].T
     # Fisher's information of Student's distribution; a row that scatters more than the others is less certain
-    known = np.sum(slopes[..., None] ** 2 * np.abs(residues) ** 2 / variance(scatter), axis=(0, 2))
+    known = np.sum(slopes[:, None] ** 2 * np.abs(residues) ** 2 / variance(scatter), axis=(0, 1))
     known *= (FREEDOM + 1) / (FREEDOM + 3)
-    left = np.array([turned(one, value)[0] ** 2 for one in _CAUSES])[cause, :, every].transpose(1, 0, 2)
-    own = np.sum(left / variance(scatter), axis=(0, 2)) / max(modes * columns - 1, 1)
+    left = np.array([turned(one, value)[0] ** 2 for one in _CAUSES])[cause, :, :, every]
+    own = np.sum(left / variance(scatter).transpose(2, 0, 1), axis=(1, 2)) / max(modes * columns - 1, 1)
     half = scipy.stats.t.isf(0.025, freedom) * np.sqrt(np.maximum(own, 1.0) / np.maximum(known, 1e-300))
     return _Explained(cause, value, half, total)
 

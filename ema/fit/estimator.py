@@ -11,6 +11,7 @@ every reference. In the search all outputs are members of one row; for the final
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import scipy.linalg
@@ -133,7 +134,8 @@ class Observations:
     ``s`` (line,) are lines, or centres of bins, in rad/s. The mean of a receptance over a bin is not its value at the
     centre: ``means`` are what was measured, ``signals`` the same less the difference by a model (`centred`), and
     ``spread`` (line,) is the variance of the angular frequencies of a bin. ``correlated``: the noise is known to
-    correlate over lines, so that this says nothing against a model. ``work`` counts what is spent on these data.
+    correlate over lines, so that this says nothing against a model. ``work`` counts what is spent on these data,
+    ``recent`` keeps the functions of the last fit to them.
     """
 
     s: Complex[np.ndarray, "line"]
@@ -143,6 +145,7 @@ class Observations:
     means: Complex[np.ndarray, "row member in line"] | None = None
     correlated: bool = False
     work: Work = field(default_factory=Work, compare=False)
+    recent: model.Recent = field(default_factory=model.Recent, compare=False, repr=False)
 
     @property
     def outputs(self) -> int:
@@ -287,7 +290,7 @@ def evaluate(
         )
         first = evaluate(data, poles, participation, terms, nothing)
         start = first.shapes, first.rest
-    found = model.functions(data.s, poles, terms.poles)
+    found = data.recent.functions(data.s, poles, terms.poles)
     return _Evaluation(data, poles, participation, terms, found, orthogonal).at(*start)
 
 
@@ -315,12 +318,58 @@ class _Elimination:
 @dataclass(frozen=True)
 class _Reduction(_Elimination):
     """Elimination of some rows: the diagonal of the information of the shapes before that of anything else (row, l),
-    and of that of the shared unknowns before that of the shapes (row, unknown); and what is left to these.
+    and of that of the functions of the shared unknowns before that of the shapes (row, complex unknown); that
+    information, as ``P`` and ``Q`` of `ema.fit.model`, less what the shapes take off it, or, with the ``coupling`` of
+    the shapes with these functions, before that.
     """
 
     bare: Float[np.ndarray, "row l"]
-    own: Float[np.ndarray, "row unknown"]
-    left: Float[np.ndarray, "row unknown unknown"]
+    own: Float[np.ndarray, "row complex_unknown"]
+    shared: tuple[Complex[np.ndarray, "row u u"], Complex[np.ndarray, "row u u"]]
+    coupling: Float[np.ndarray, "row l unknown"] | None = None
+
+    def information(self, psi: Complex[np.ndarray, "row member u"]) -> Float[np.ndarray, "unknown unknown"]:
+        """Information of the shared unknowns, of whose functions ``psi`` are the factors."""
+        turned, (p, q) = psi.transpose(0, 2, 1), self.shared
+        # With one member a row, one product over all rows.
+        coupling = self.coupling if psi.shape[1] == 1 else None
+        if coupling is None and self.coupling is not None:
+            taken = model.complex_form(self.coupling.transpose(0, 2, 1) @ self.slope)
+            p, q = p - taken[0], q - taken[1]
+        result = model.real_form(
+            np.einsum("rab,rab->ab", p, turned.conj() @ psi), np.einsum("rab,rab->ab", q, turned @ psi)
+        )
+        if coupling is not None:
+            result -= _times(coupling, psi).T @ _times(self.slope, psi)
+        return result
+
+
+def _times(matrix: Float[np.ndarray, "row l unknown"], psi: Complex[np.ndarray, "row 1 u"]) -> np.ndarray:
+    """Matrices that act on the real, then the imaginary parts of ``psi`` times unknowns as those that act on these, all
+    rows below each other."""
+    real, imaginary = np.split(matrix, 2, axis=-1)
+    found = [real * psi.real + imaginary * psi.imag, imaginary * psi.real - real * psi.imag]
+    return (
+        np.concatenate(found, axis=-1).reshape(-1, matrix.shape[-1]) if matrix.size else np.zeros((0, matrix.shape[-1]))
+    )
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Normal equations of some rows, the residual terms eliminated, as ``P`` and ``Q`` (form, row, a, b) of
+    `ema.fit.model` per unit of the shapes: of the ``shapes`` with each other, their ``coupling`` with the functions of
+    the shared unknowns (poles, then free entries of the participation), and of these, ``shared``.
+
+    ``bare`` (row, l) is the diagonal of that of the shapes before the elimination; ``lean`` and ``of_rest`` are as in a
+    `Fit`.
+    """
+
+    shapes: Complex[np.ndarray, "2 row mode mode"]
+    coupling: Complex[np.ndarray, "2 row mode u"]
+    shared: Complex[np.ndarray, "2 row u u"]
+    bare: Float[np.ndarray, "row l"]
+    lean: Float[np.ndarray, "row in column shared"]
+    of_rest: Float[np.ndarray, "row in column column"]
 
 
 @dataclass
@@ -366,6 +415,10 @@ class _Evaluation:
         rest = np.arange(self.modes, self.shared)
         self.of_unknowns = np.concatenate([rest, self.shared + rest])
         self.owners = np.concatenate([half, self.free % max(self.modes, 1)])
+        # Modes whose entry is unknown, for each reference, and the places of these entries behind the poles.
+        of_reference = np.searchsorted(self.free, self.modes * np.arange(self.references + 1))
+        self.free_modes = [self.free[a:b] % max(self.modes, 1) for a, b in pairwise(of_reference)]
+        self.places = [slice(self.modes + a, self.modes + b) for a, b in pairwise(of_reference)]
         # Functions on the lines, products for each row, factorisation of the information.
         functions = 2 * self.modes + len(terms.poles) + 2
         of_rows = (
@@ -377,7 +430,7 @@ class _Evaluation:
         """The fit whose linear unknowns are best, reached from a start; ``again`` where that was such a fit itself."""
         data, modes, unknowns = self.data, self.modes, self.shared - self.modes
         rows, columns = len(data.signals), rest.shape[-1]
-        hermitian, symmetric = (np.zeros((unknowns, unknowns), complex) for _ in range(2))
+        information = np.zeros((2 * unknowns, 2 * unknowns))
         before, lost = np.zeros(unknowns), np.zeros(2 * unknowns)
         share = np.ones(modes)
         by = _Elimination(
@@ -395,19 +448,13 @@ class _Evaluation:
             left_over = 1 / np.maximum(np.diagonal(by.local[some], axis1=1, axis2=2) * bare, 1.0)
             share = np.minimum(share, left_over.reshape(len(bare), 2, modes).min(axis=(0, 1), initial=1.0))
             size_of_shapes = np.sum(np.abs(shapes[some][..., self.owners]) ** 2, axis=1)
-            own = reduced.own.reshape(len(bare), 2, -1).mean(axis=1)
-            before += np.sum(own * size_of_shapes, axis=0)
+            before += np.sum(reduced.own * size_of_shapes, axis=0)
             lost += np.einsum("rlu,rl,ru->u", by.slope[some] ** 2, bare, np.tile(size_of_shapes, 2), optimize=True)
             self.adapt(optimum, by, some)
-            p, q = model.complex_form(reduced.left)
-            psi = optimum.shapes[some][..., self.owners]
-            turned = psi.transpose(0, 2, 1)
-            hermitian += np.sum(p * (turned.conj() @ psi), axis=0)
-            symmetric += np.sum(q * (turned @ psi), axis=0)
+            information += reduced.information(optimum.shapes[some][..., self.owners])
         cancelled = optimum.energy - optimum.gain < _CANCELLED * optimum.energy
         if cancelled and not again:
             return self.at(optimum.shapes, optimum.rest, again=True)
-        information = model.real_form(hermitian, symmetric)
         # An error of the eliminated shapes' matrix M returns as slope^T dM slope in the information.
         rounding = 0.1 * self.rounding * (np.tile(before, 2) + lost)
         idle = np.tile(share[self.owners] < self.rounding, 2) | (np.diag(information) <= rounding)
@@ -486,19 +533,18 @@ class _Evaluation:
 
     def reduction(self, weights: Float[np.ndarray, "r in line"]) -> "_Reduction":
         """Elimination of the linear unknowns of some rows from the normal equations."""
-        equations, bare, lean, of_rest = self.equations(weights)
-        coupling = equations[:, self.of_shapes[:, None], self.of_unknowns]
-        inner = equations[:, self.of_unknowns[:, None], self.of_unknowns]
-        local = inverse(equations[:, self.of_shapes[:, None], self.of_shapes], 0.1 * self.rounding * bare)
-        slope = local @ coupling
+        equations = self.equations(weights)
+        coupling = model.real_form(*equations.coupling)
+        local = inverse(model.real_form(*equations.shapes), 0.1 * self.rounding * equations.bare)
         return _Reduction(
             local=local,
-            slope=slope,
-            lean=lean,
-            of_rest=of_rest,
-            bare=bare,
-            own=np.diagonal(inner, axis1=1, axis2=2),
-            left=inner - coupling.transpose(0, 2, 1) @ slope,
+            slope=local @ coupling,
+            lean=equations.lean,
+            of_rest=equations.of_rest,
+            bare=equations.bare,
+            own=np.diagonal(equations.shared[0], axis1=1, axis2=2).real,
+            shared=(equations.shared[0], equations.shared[1]),
+            coupling=coupling,
         )
 
     def orthogonal_reduction(self, weights: Float[np.ndarray, "r in line"]) -> "_Reduction":
@@ -507,7 +553,7 @@ class _Evaluation:
         functions = [self.on_lines(reference) for reference in range(self.references)]
         shapes = 2 * self.modes
         order = np.concatenate([self.of_shapes, self.of_unknowns])
-        rows = []
+        rows: list[tuple[np.ndarray, ...]] = []
         for of_row in weights:
             lean, of_rest, left, bare = [], [], [], np.zeros(shapes)
             for of_reference, weight in zip(functions, of_row, strict=True):
@@ -531,10 +577,11 @@ class _Evaluation:
             reduced = np.asarray(np.linalg.qr(np.concatenate([stacked, floor]), mode="r"))
             back = scipy.linalg.solve_triangular(reduced[:shapes, :shapes], np.eye(shapes))
             rest = reduced[shapes:, shapes:]
-            own = np.sum(stacked[:, shapes:] ** 2, axis=0)
+            own = np.sum(stacked[:, shapes:].reshape(len(stacked), 2, -1) ** 2, axis=(0, 1)) / 2
             slope = back @ reduced[:shapes, shapes:]
             rows.append((back @ back.T, slope, np.array(lean), np.array(of_rest), bare, own, rest.T @ rest))
-        return _Reduction(*(np.stack(column) for column in zip(*rows, strict=True)))
+        found = [np.stack(column) for column in zip(*rows, strict=True)]
+        return _Reduction(found[0], found[1], found[2], found[3], found[4], found[5], model.complex_form(found[6]))
 
     def on_lines(self, reference: int) -> Float[np.ndarray, "s line_part"]:
         """Functions of shapes, poles and participation on every line of one reference: those of their real parts, then
@@ -558,62 +605,49 @@ class _Evaluation:
         parts += [times(of_shapes, np.full_like(entries, other == reference)) for other in range(self.references)]
         return np.concatenate([np.concatenate(half)[self.keep] for half in zip(*parts, strict=True)])
 
-    def equations(
-        self, weights: Float[np.ndarray, "r in line"]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Normal matrix (r, s, s) of shapes, poles and participation (real, then imaginary parts) per unit of the
-        shapes, with the residual terms eliminated; the diagonal (r, l) of that of the shapes before; how the residual
-        terms follow (r, in, column, s); and the inverse of their own normal matrices (r, in, column, column).
-        """
-        modes, references = self.modes, self.references
+    def equations(self, weights: Float[np.ndarray, "r in line"]) -> "_Equations":
+        """Normal equations of some rows, reference by reference."""
+        modes, rows, unknowns = self.modes, len(weights), self.shared - self.modes
         sums = model.sums_over_lines(self.found, weights)
-        both = model.products(self.every, modes, sums.reshape(-1, sums.shape[-1]))
-        p, q = ([a.reshape(len(weights), references, *a.shape[1:]) for a in form] for form in both)
-        total = model.real_form(self._shared(p, hermitian=True), self._shared(q, hermitian=False))
-        bare = np.diagonal(total, axis1=1, axis2=2)[:, self.of_shapes].copy()
-        mixing, own = self.terms.mixing, self.terms.products(self.found, weights)
-        lean, of_rest = [], []
-        for i in range(references):
-            across = model.real_form(self._coupling(p, i), self._coupling(q, i))
-            of_rest.append(inverse(own[:, i]))
-            across = mixing.T @ across
-            lean.append(of_rest[-1] @ across)
-            total -= across.transpose(0, 2, 1) @ lean[-1]
-        return total, bare, np.stack(lean, axis=1), np.stack(of_rest, axis=1)
-
-    def _shared(self, blocks: list[np.ndarray], hermitian: bool) -> np.ndarray:
-        """Products of the functions of shapes, poles and participation, summed over the references."""
-        modes, f, g = self.modes, slice(0, self.modes), slice(self.modes, 2 * self.modes)
-        size = 2 * modes if self.references == 1 else (2 + self.references) * modes
-        out = np.zeros((len(blocks[0]), size, size), complex)
-
-        def turned(block: np.ndarray) -> np.ndarray:
-            swapped = block.transpose(0, 2, 1)
-            return swapped.conj() if hermitian else swapped
-
-        for i, entries in enumerate(self.participation):
-            left = (entries.conj() if hermitian else entries)[:, None]
-            b11, b12, b22 = blocks[0][:, i, :modes, :modes], blocks[1][:, i, :modes], blocks[2][:, i]
-            out[:, f, f] += left * b11 * entries
-            out[:, f, g] += left * b12 * entries
-            out[:, g, g] += left * b22 * entries
-            if self.references > 1:
-                own = slice((2 + i) * modes, (3 + i) * modes)
-                out[:, f, own] = left * b11
-                out[:, g, own] = left * turned(b12)
-                out[:, own, own] = b11
-                out[:, own, f], out[:, own, g] = turned(out[:, f, own]), turned(out[:, g, own])
-        out[:, g, f] = turned(out[:, f, g])
-        return out[:, self.keep[:, None], self.keep]
-
-    def _coupling(self, blocks: list[np.ndarray], i: int) -> np.ndarray:
-        """Products of the functions behind the residual terms of a reference with those of the shared unknowns."""
-        modes, entries = self.modes, self.participation[i]
-        b11, b12 = blocks[0][:, i, modes:, :modes], blocks[1][:, i, modes:]
-        parts = [b11 * entries, b12 * entries]
-        if self.references > 1:
-            parts += [b11 if j == i else np.zeros_like(b11) for j in range(self.references)]
-        return np.concatenate(parts, axis=-1)[..., self.keep]
+        found = model.products(self.every, modes, sums.reshape(-1, sums.shape[-1]))
+        first = found.first.reshape(2, rows, self.references, len(self.every) + 2, 2 * modes)
+        squares = found.squares.reshape(2, rows, self.references, modes, modes)
+        # Residual terms have real coefficients: their products with functions z are Re(across z).
+        real, imaginary = np.split(self.terms.mixing.T, 2, axis=1)
+        of_terms = first[:, :, :, modes:]
+        across = real @ (of_terms[0] + of_terms[1]) - 1j * (imaginary @ (of_terms[0] - of_terms[1]))
+        of_rest = inverse(self.terms.products(self.found, weights))
+        follow = of_rest @ across
+        shapes = np.zeros((2, rows, modes, modes), complex)
+        coupling = np.zeros((2, rows, modes, unknowns), complex)
+        shared = np.zeros((2, rows, unknowns, unknowns), complex)
+        lean = np.zeros((*follow.shape[:3], self.shared), complex)
+        bare = np.zeros((rows, 2, modes))
+        for i, (entries, free) in enumerate(zip(self.participation, self.free_modes, strict=True)):
+            own = self.places[i]
+            direct, turned = (np.diagonal(form[:, i, :modes], axis1=1, axis2=2) for form in first)
+            direct, turned = np.abs(entries) ** 2 * direct.real, (entries**2 * turned).real
+            bare += np.stack([direct + turned, direct - turned], axis=1)
+            lean[:, i, :, : 2 * modes] = follow[:, i] * np.tile(entries, 2)
+            lean[:, i, :, modes:][..., own] = follow[:, i][..., free]
+            for form in (0, 1):
+                left = (entries if form else entries.conj())[:, None]
+                back = across[:, i] if form else across[:, i].conj()
+                # They take (across z)^T of_rest (across z) off z^H P z + Re(z^T Q z), half of it off either form.
+                lost = 0.5 * (back.transpose(0, 2, 1) @ follow[:, i])
+                shared[form, :, :modes, :modes] += left * (squares[form, :, i] - lost[:, modes:, modes:]) * entries
+                of_shapes = first[form, :, i, :modes] - lost[:, :modes]
+                if len(free):
+                    shared[form, :, own, own] = of_shapes[:, free[:, None], free]
+                    mixed = of_shapes[:, free, modes:] * entries
+                    shared[form, :, own, :modes] = mixed
+                    shared[form, :, :modes, own] = (mixed if form else mixed.conj()).transpose(0, 2, 1)
+                of_shapes *= left
+                shapes[form] += of_shapes[..., :modes] * entries
+                coupling[form, ..., :modes] += of_shapes[..., modes:] * entries
+                coupling[form, ..., own] = of_shapes[..., free]
+        lean = np.concatenate([lean.real, -lean.imag], axis=-1)
+        return _Equations(shapes, coupling, shared, bare.reshape(rows, -1), lean, of_rest)
 
     def reduced(
         self,
@@ -854,7 +888,7 @@ def _moved(data: Observations, fit: Fit, step: Float[np.ndarray, "unknown"], bor
     small = np.max(np.abs(step) / fit.scale, initial=0.0) < NEARBY
     if not (borrow and small and len(data.signals) > 1 and np.array_equal(free_entries(participation), fit.free)):
         return evaluate(data, poles, participation, fit.terms, start)
-    found = model.functions(data.s, poles, fit.terms.poles)
+    found = data.recent.functions(data.s, poles, fit.terms.poles)
     return _Evaluation(data, poles, participation, fit.terms, found).nearby(fit, *start)
 
 
@@ -862,7 +896,7 @@ def pulls(
     data: Observations, fit: Fit, change: Complex[np.ndarray, "row member in line"], rows: slice = slice(None)
 ) -> Float[np.ndarray, "r m unknown"]:
     """What a change of the FRFs of some rows adds to the gradient of the shared unknowns, the linear ones adapted."""
-    found = model.functions(data.s, fit.poles, fit.terms.poles)
+    found = data.recent.functions(data.s, fit.poles, fit.terms.poles)
     engine = _Evaluation(data, fit.poles, fit.participation, fit.terms, found)
     of_shapes, right, _ = engine.reduced(data.weights[rows], change, fit.lean[rows])
     left = right - np.einsum("rab,rma->rmb", fit.slope[rows], of_shapes)
@@ -878,7 +912,7 @@ def residual(data: Observations, fit: Fit, rows: slice = slice(None)) -> Complex
 
 def fitted(data: Observations, fit: Fit, rows: slice = slice(None)) -> Complex[np.ndarray, "r m in line"]:
     """Receptances of the fit for some rows."""
-    found = model.functions(data.s, fit.poles, fit.terms.poles)
+    found = data.recent.functions(data.s, fit.poles, fit.terms.poles)
     coefficients = fit.shapes[rows][:, :, None] * fit.participation
     rest = fit.terms.coefficients(fit.rest[rows])
     return model.synthesise(found, np.concatenate([coefficients, rest], axis=-1))

@@ -154,6 +154,26 @@ def functions(
     return Functions(count, values.view(float), sums)
 
 
+class Recent:
+    """The pair functions that were asked for last: evaluation, residual and weights of a fit ask for the same."""
+
+    def __init__(self) -> None:
+        self._arguments: np.ndarray = np.zeros(0, complex)
+        self._found: Functions | None = None
+
+    def functions(
+        self,
+        s: Complex[np.ndarray, "line"],
+        poles: Complex[np.ndarray, "mode"],
+        fixed: Complex[np.ndarray, "term"],
+    ) -> Functions:
+        """All pair functions of a model (`functions`)."""
+        arguments = np.concatenate([s, poles, fixed, [len(poles)]])
+        if self._found is None or not np.array_equal(arguments, self._arguments):
+            self._arguments, self._found = arguments, functions(s, poles, fixed)
+        return self._found
+
+
 def _put(rows: np.ndarray, first: int, to_imaginary: int, parts: tuple[np.ndarray, np.ndarray]) -> None:
     """Write what belongs to real and what to imaginary parts into rows that lie so far apart."""
     real, imaginary = parts
@@ -242,38 +262,39 @@ def sums_over_lines(found: Functions, weights: Float[np.ndarray, "*row line"]) -
     return np.asarray(result.reshape(*weights.shape[:-1], -1))
 
 
-def products(
-    poles: Complex[np.ndarray, "pole"], modes: int, sums: Complex[np.ndarray, "row sum"]
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """``P`` and ``Q`` of the functions of all ``poles`` and of the lower and the upper residual, for each row of sums.
-
-    Each as three arrays (row, a, b): all functions with each other, all with the squares that belong to the first
-    ``modes`` poles, and these squares with each other.
+@dataclass(frozen=True)
+class Products:
+    """``P`` and ``Q`` of pair functions under some rows of weights: ``first`` (form, row, a, 2 mode) of all functions,
+    the lower and the upper residual behind them, with those of the modes and their squares; ``squares``
+    (form, row, mode, mode) of these squares with each other. ``form`` is 0 for ``P`` and 1 for ``Q``.
     """
-    count = len(poles)
-    alpha, beta = sums[:, :count], sums[:, count : count + modes]
-    zero, one, two = (sums[:, count + modes + k, None] for k in range(3))
-    d, e = poles.conj()[:, None] + poles, poles[:, None] + poles
-    p11, q11 = (np.empty((len(sums), count + 2, count + 2), complex) for _ in range(2))
-    p11[:, :count, :count] = -(alpha.conj()[:, :, None] + alpha[:, None, :]) / d
-    q11[:, :count, :count] = -(alpha[:, :, None] + alpha[:, None, :]) / e
+
+    first: Complex[np.ndarray, "2 row a b"]
+    squares: Complex[np.ndarray, "2 row mode mode"]
+
+
+def products(poles: Complex[np.ndarray, "pole"], modes: int, sums: Complex[np.ndarray, "row sum"]) -> Products:
+    """Products of the functions of all ``poles``, of which the first are those of the modes, for each row of sums."""
+    count, rows = len(poles), len(sums)
+    alpha, beta = sums[:, :count], sums[:, None, count : count + modes]
+    one = sums[:, count + modes + 1, None]
+    own, of_modes = poles[:modes], alpha[:, None, :modes]
+    first = np.empty((2, rows, count + 2, 2 * modes), complex)
+    squares = np.empty((2, rows, modes, modes), complex)
     # Lower and upper residual: the same sums weighted by s^-2 and by 1.
-    lower = (alpha - 2 * poles * one) / poles**2
-    for place, static in ((count, lower), (count + 1, alpha)):
-        p11[:, :count, place], p11[:, place, :count] = 0.5 * static.conj(), 0.5 * static
-        q11[:, :count, place] = q11[:, place, :count] = 0.5 * static
-    for matrix in (p11, q11):
-        matrix[:, count:, count:] = 0.5 * np.stack([two, one, one, zero], axis=1).reshape(-1, 2, 2)
-    # Derivatives with respect to the second pole, then with respect to both.
-    first = poles[:modes]
-    statics = 0.5 * np.stack([(beta - 2 * one - 2 * first * lower[:, :modes]) / first**2, beta], axis=1)
-    d, e = d[:, :modes], e[:, :modes]
-    p12 = np.concatenate([-(beta[:, None, :] + p11[:, :count, :modes]) / d, statics], axis=1)
-    q12 = np.concatenate([-(beta[:, None, :] + q11[:, :count, :modes]) / e, statics], axis=1)
-    d, e = d[:modes], e[:modes]
-    p22 = (beta[:, None, :] + beta.conj()[:, :, None] + 2 * p11[:, :modes, :modes]) / d**2
-    q22 = (beta[:, None, :] + beta[:, :, None] + 2 * q11[:, :modes, :modes]) / e**2
-    return [p11, p12, p22], [q11, q12, q22]
+    lower = (alpha[:, :modes] - 2 * own * one) / own**2
+    first[:, :, count, :modes], first[:, :, count + 1, :modes] = 0.5 * lower, 0.5 * alpha[:, :modes]
+    first[:, :, count, modes:] = 0.5 * (beta[:, 0] - 2 * one - 2 * own * lower) / own**2
+    first[:, :, count + 1, modes:] = 0.5 * beta[:, 0]
+    for form, (others, other_sums) in enumerate(((poles.conj(), alpha.conj()), (poles, alpha))):
+        inverted = -1 / (others[:, None] + own)
+        direct = first[form, :, :count, :modes]
+        np.multiply(other_sums[:, :, None] + of_modes, inverted, out=direct)
+        # Derivatives with respect to the second pole, then with respect to both.
+        np.multiply(beta + direct, inverted, out=first[form, :, :count, modes:])
+        of_both = 2 * direct[:, :modes] + beta + (beta.conj() if form == 0 else beta).transpose(0, 2, 1)
+        np.multiply(of_both, inverted[:modes] ** 2, out=squares[form])
+    return Products(first, squares)
 
 
 def trial_products(

@@ -54,7 +54,7 @@ def equations(
     weights, every = data.weights[rows], np.concatenate([fit.poles, fit.terms.poles])
     trial = model.functions(data.s, trials[:0], trials)
     of_trials = model.sums_over_lines(trial, weights)[..., :count]
-    found = model.functions(data.s, fit.poles, fit.terms.poles)
+    found = data.recent.functions(data.s, fit.poles, fit.terms.poles)
     sums = model.sums_over_lines(found, weights)
     mixing, width = fit.terms.mixing, fit.lean.shape[-1] // 2
     h = model.projections(trial, weights[:, None] * estimator.residual(data, fit, rows))[..., :count]
