@@ -15,6 +15,7 @@ from ema.compare.modal_decays import HOP, ModalDecays, modal_decays
 from ema.compare.modal_mass import Mass, modal_mass
 from ema.compare.slip_onset import Onset, slip_onset
 from ema.data import AmplitudeDependentMode, Band, Finding, Provenance, Run
+from ema.data.modal import COVERAGE_FACTOR
 from ema.progress import Progress, silent
 from ema.units import SI_UNIT
 
@@ -40,8 +41,6 @@ WEAKER = 1.0
 _HEAVIEST = 0.2
 """Damping ratio, and distance from the late frequency, beyond which a window shows no mode of the structure."""
 _CLIPS = 4
-REACH = 1.96
-"""Standard deviations in half of a 95 % interval."""
 FILTER = 1.0
 """Part of what the high-pass may add to a free decay that intervals contain."""
 _SPREAD = 20.0
@@ -213,7 +212,7 @@ def _mode(decays: ModalDecays, mode: int, kind: str, low: float) -> RingDownMode
     gain = 1 + 0.5 * np.array([one.slope[0] / one.value[0] for one in read])
     value[1], half[1] = value[1] * gain, half[1] * gain
     # the whole interval: where the others move a joint as well, it slips before the mode alone would make it
-    onset = slip_onset(amplitude, value[0], half[0] / REACH, value[1], half[1] / REACH)
+    onset = slip_onset(amplitude, value[0], half[0] / COVERAGE_FACTOR, value[1], half[1] / COVERAGE_FACTOR)
     bands = [Band(one - reach, one, one + reach, 0.95, CONTAINS) for one, reach in zip(value, half, strict=True)]
     start = np.abs(decays.amplitudes[:, 0, mode])
     mass = modal_mass(decays, mode, (amplitude, value[0], value[1]), onset, kind)

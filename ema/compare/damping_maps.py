@@ -5,6 +5,7 @@ from jaxtyping import Float
 
 from ema.data import ModalMap
 from ema.data.comparison import MapComparison, Verdict
+from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
 
 DAMPING, FREQUENCY = 0.15, 0.005
@@ -65,7 +66,7 @@ def maps(measured: ModalMap, simulated: ModalMap) -> MapComparison:
             expected=f"{measured.force_levels} N over {measured.normal_forces} N",
         )
     bounds = [
-        np.zeros(ratio.shape) if std is None else 1.96 * np.nan_to_num(std)
+        np.zeros(ratio.shape) if std is None else COVERAGE_FACTOR * np.nan_to_num(std)
         for std in (measured.frequency_std, measured.damping_std)
     ]
     good = np.abs(frequency - measured.frequency) <= bounds[0] + FREQUENCY * measured.frequency

@@ -34,6 +34,7 @@ from ema.compare.parameter_intervals import (
 from ema.compare.replay import MeasuredPoints, measure, measured_points, search_band
 from ema.data import BeamModel, Finding, ModalMap
 from ema.data.comparison import ModelUpdate
+from ema.data.modal import COVERAGE_FACTOR
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
@@ -681,7 +682,7 @@ def _undetermined(
     confirmed = levels_agree(optimum.data, problem.groups, optimum.posterior, limits)
     reasons = []
     # the standard deviation of a normal distribution with an interval as wide as what other laws span
-    spread_of_laws = np.ptp(spans, axis=1) / (2 * 1.96)
+    spread_of_laws = np.ptp(spans, axis=1) / (2 * COVERAGE_FACTOR)
     each = zip(parameters, bounds, confirmed, std, spread_of_laws, strict=True)
     for parameter, (below, above), same, spread, of_laws in each:
         if not np.isfinite([below, above]).all():
@@ -713,7 +714,7 @@ def _findings(
     findings = _not_identifiable(problem, reasons, covariance, pairs=not _common_doubt(optimum))
     growth, spread = optimum.posterior.growth
     if abs(growth) > _EVIDENT * spread:
-        way, reach = "falls" if growth < 0 else "grows", 1.96 * spread
+        way, reach = "falls" if growth < 0 else "grows", COVERAGE_FACTOR * spread
         text = (
             f"mu {way} with the normal force, as F_N^({growth:.2f} ± {reach:.2f}); what is stated is mu at "
             f"{np.exp(problem.middle):.4g} N, and no law here lets it change."

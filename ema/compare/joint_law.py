@@ -18,6 +18,7 @@ from scipy.stats import t as student_t
 
 from ema.compare.joint_readings import Beam, hammer, shaker
 from ema.compare.joint_statements import RELATIVE, JointFile, SentenceTable
+from ema.data.modal import COVERAGE_FACTOR
 from ema.progress import Progress, advance, silent
 
 Draws = Float[np.ndarray, "draw parameter"]
@@ -36,7 +37,6 @@ TOGETHER = 0.05
 """Probability of a number or sentence, given all others, below which they do not hold together."""
 _EFFECTIVE = 100.0
 """Effective draws below which what the others predict is not known."""
-_Z = 1.959964
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Parameter:
         if self.uniform:
             return np.asarray(self.low + (self.high - self.low) * ndtr(z))
         middle, half = np.sqrt(self.low * self.high), np.log(self.high / self.low) / 2
-        return np.asarray(middle * np.exp(half * z / _Z))
+        return np.asarray(middle * np.exp(half * z / COVERAGE_FACTOR))
 
 
 def _ranged(name: str, ends: Sequence[float], *, uniform: bool = False) -> Parameter:
@@ -512,7 +512,7 @@ class JointAssessment:
         """Whether the 95 % interval is at most half as wide as before, whatever the runs of the sampler differ by."""
         runs = np.split(self.one.draws, len(self.one.log_evidences))
         apart = np.std([self._narrowing(name, draws) for draws in runs], ddof=1) / np.sqrt(len(runs))
-        return self.narrowing(name) + _Z * float(apart) <= DETERMINED
+        return self.narrowing(name) + COVERAGE_FACTOR * float(apart) <= DETERMINED
 
     def narrowing(self, name: str) -> float:
         """Width of the 95 % interval over that of the prior, of logarithms except where the prior is even."""

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from ema.data import Finding, LevelEffect, Run
+from ema.data.modal import COVERAGE_FACTOR
 from ema.estimate.impact_decays import LATE, ImpactDecays, impact_decays
 from ema.progress import Progress, silent
 
@@ -60,7 +61,7 @@ USABLE = 0.05
 """Relative noise of a modal amplitude above which it is not used."""
 FEWEST_POINTS = 12
 """Points struck once from which on their different levels stand for impacts on one point."""
-NOISE_FACTOR = 1.96
+NOISE_FACTOR = COVERAGE_FACTOR
 """``reach`` in half of an interval. The size is a root mean square of complex slopes, each of which noise moves by no
 more than ``reach`` along itself."""
 _DRAWS, _SURE = 4000, 20

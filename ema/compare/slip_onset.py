@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.data import Band
+from ema.data.modal import COVERAGE_FACTOR
 
 EXPONENTS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 """Powers of the distance from the onset with which damping and frequency may change: a Masing joint has 1 for the
@@ -124,6 +125,6 @@ def _line(
 
 def _spread(accepted: Float[np.ndarray, "onset 3"], best: Float[np.ndarray, "3"]) -> Band:
     """The constant with what the onsets that are not excluded say of it."""
-    reach = 1.96 * accepted[:, 2]
+    reach = COVERAGE_FACTOR * accepted[:, 2]
     low, high = np.min(accepted[:, 1] - reach), np.max(accepted[:, 1] + reach)
     return Band(np.array(min(low, best[1])), np.array(best[1]), np.array(max(high, best[1])))

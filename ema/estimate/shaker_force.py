@@ -1,6 +1,6 @@
 """The force of a shaker test: its level at resonance, how far it dropped there, and what a mount mass took."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -370,20 +370,20 @@ def _passage(force: Float[np.ndarray, "sample"], rate: float) -> tuple[np.ndarra
     return smooth[edge] * rate / (2 * np.pi), amplitude[edge]
 
 
-def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str) -> FrfSet:
-    """Remove from FRFs the mass between load cell and structure (cell, stud, pad), which takes a part of the force.
+def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str | Sequence[Dof | str]) -> FrfSet:
+    """Remove from FRFs the mass between load cells and structure (cell, stud, pad), which takes a part of the force.
 
-    The structure receives F - m a: every FRF of the force at ``drive`` is divided by 1 - m A with the measured
-    accelerance A of the drive point.
+    The structure receives F - m a at each load cell. With the measured accelerances A_d of the drive points to the
+    forces that act together, the FRFs H of these become H (I - m A_d)^-1; with one force, H / (1 - m A).
 
     Parameters
     ----------
     frfs : FrfSet
-        FRFs; the response at the drive point is among them.
+        FRFs; the responses at the drive points are among them.
     mass : float
-        Mass below the sensing element [kg].
-    drive : Dof or str
-        DOF of the force.
+        Mass below each sensing element [kg].
+    drive : Dof, str or sequence of these
+        DOFs of the forces that act together. Forces that were applied one after the other are corrected one by one.
 
     Returns
     -------
@@ -393,7 +393,7 @@ def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str) -> FrfSet:
     Raises
     ------
     InputError
-        If the mass is negative, or there is no such force or no response at the drive point.
+        If the mass is negative, or there is no such force or no response at a drive point.
 
     References
     ----------
@@ -411,26 +411,32 @@ def without_mount_mass(frfs: FrfSet, mass: float, drive: Dof | str) -> FrfSet:
     where = frfs.name or "FRFs"
     if not (np.isfinite(mass) and mass >= 0):
         raise InputError("not a mass", where=where, got=f"{mass} kg", expected="0 or more")
-    wanted = Dof.parse(drive)
-    columns, rows = match([wanted], frfs.inputs), match([wanted], frfs.outputs)
-    if not columns or not rows:
-        raise InputError(
-            "the drive point was not measured",
-            where=where,
-            got=str(wanted),
-            expected="a force and a response at the same DOF",
-            advice="put an accelerometer at the shaker, or leave the mass out of account",
-        )
-    column, row, sign = columns[0][1], rows[0][1], columns[0][2] * rows[0][2]
-    accelerance = convert(frfs, "accelerance").values
-    # F_structure = F - m a = F (1 - m A): all FRFs of this force are too small by that factor
-    share = 1 - mass * sign * accelerance[:, row, column]
-    values = frfs.values.copy()
-    values[:, :, column] /= share[:, None]
-    variance = frfs.variance
+    wanted = [Dof.parse(one) for one in ([drive] if isinstance(drive, Dof | str) else drive)]
+    forces, responses = match(wanted, frfs.inputs), match(wanted, frfs.outputs)
+    for number, dof in enumerate(wanted):
+        if number not in {one[0] for one in forces} or number not in {one[0] for one in responses}:
+            raise InputError(
+                "the drive point was not measured",
+                where=where,
+                got=str(dof),
+                expected="a force and a response at the same DOF",
+                advice="put an accelerometer at the shaker, or leave the mass out of account",
+            )
+    columns, rows = [one[1] for one in forces], [one[1] for one in responses]
+    # Acceleration of each load cell in the direction of its own force.
+    signs = np.array([one[2] * other[2] for one, other in zip(forces, responses, strict=True)])
+    accelerance = convert(frfs, "accelerance").values[:, :, columns]
+    taken = mass * signs[:, None] * accelerance[:, rows]
+    through = np.linalg.inv(np.eye(len(rows)) - taken)
+    values, variance = frfs.values.copy(), frfs.variance
+    values[:, :, columns] = values[:, :, columns] @ through
     if variance is not None:
+        # dH' = (dH + m A' dA_d) (I - m A_d)^-1, of errors that are independent from FRF to FRF
+        follow = np.zeros((*values.shape[:2], values.shape[1]), complex)
+        follow[:, :, rows] = mass * signs * (accelerance @ through)
+        follow += np.eye(values.shape[1])
         variance = variance.copy()
-        variance[:, :, column] /= np.abs(share[:, None]) ** 4
+        variance[:, :, columns] = np.abs(follow) ** 2 @ variance[:, :, columns] @ np.abs(through) ** 2
     steps = (*frfs.provenance.steps, "estimate.without_mount_mass")
     provenance = replace(frfs.provenance, steps=steps)
     return replace(frfs, values=values, variance=variance, deviations=None, provenance=provenance)

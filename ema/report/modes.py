@@ -5,6 +5,7 @@ from functools import reduce
 import numpy as np
 
 from ema.data import ModalModel, RunResult
+from ema.data.modal import COVERAGE_FACTOR
 from ema.messages import mark, plural, text, word
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.numbers import MISSING, Value, fixed, listed, plain, short, with_uncertainty
@@ -25,8 +26,6 @@ _WORDS = (
     mark("scatter between the impacts"),
 )
 """What intervals rest on, as data say it."""
-COVERAGE = 2.0
-"""Intervals are given as plus or minus this many standard deviations (95 % of a normal distribution)."""
 
 
 def standard_deviations(modes: ModalModel) -> tuple[list[float | None], list[float | None]]:
@@ -39,8 +38,8 @@ def standard_deviations(modes: ModalModel) -> tuple[list[float | None], list[flo
 
 
 def interval(value: float, deviation: float | None, digits: int) -> Value:
-    """The value with its interval of two standard deviations."""
-    return with_uncertainty(value, None if deviation is None else COVERAGE * deviation, digits)
+    """The value with its 95 % interval."""
+    return with_uncertainty(value, None if deviation is None else COVERAGE_FACTOR * deviation, digits)
 
 
 def joint_force(mean: float, std: float) -> Value:

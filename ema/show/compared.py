@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from ema.data import ModalMap
 from ema.data.comparison import MapComparison, MapPrediction
+from ema.data.modal import COVERAGE_FACTOR
 from ema.messages import text
 from ema.show.style import COLOUR_MAP, SERIES, new_figure, styled
 
@@ -48,7 +49,7 @@ def map_comparison(found: MapComparison) -> Figure:
     for axes, unit, name, label in parts:
         std = getattr(measured, f"{name}_std")
         for row in range(levels):
-            bars = None if std is None else 1.96 * unit * np.nan_to_num(std[row])
+            bars = None if std is None else COVERAGE_FACTOR * unit * np.nan_to_num(std[row])
             axes.errorbar(
                 measured.normal_forces,
                 unit * getattr(measured, name)[row],
@@ -132,7 +133,7 @@ def _measured_points(
     """Points with 95 % bars, a colour for each level."""
     std = getattr(chart, f"{name}_std")
     for row, level in enumerate(chart.force_levels):
-        bars = None if std is None else 1.96 * unit * np.nan_to_num(std[row])
+        bars = None if std is None else COVERAGE_FACTOR * unit * np.nan_to_num(std[row])
         look = {"fmt": "o", "ms": 4, "color": colours[row], "elinewidth": 0.8, "capsize": 2}
         said = text("{level} N, measured", level=f"{level:.4g}") if name == "damping" else None
         axes.errorbar(chart.normal_forces, unit * getattr(chart, name)[row], bars, label=said, **look)

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from ema.data import ConditionDifference, ContactPressure, ModelUpdate, RepeatGroup, SetUpShifts
 from ema.data.comparison import ModeComparison
+from ema.data.modal import COVERAGE_FACTOR
 from ema.show.style import BLUE, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
 _LOW = 0.1
@@ -104,7 +105,7 @@ def _shifts(shifts: SetUpShifts) -> Figure:
     for row, name in enumerate(shifts.names):
         colour, _, marker = SERIES[row % len(SERIES)]
         off = 0.5 * (row / max(1, len(shifts.names) - 1) - 0.5) if len(shifts.names) > 1 else 0.0
-        bars = 1.96 * 100 * np.nan_to_num(shifts.std[row])
+        bars = COVERAGE_FACTOR * 100 * np.nan_to_num(shifts.std[row])
         axes.errorbar(
             modes + off, 100 * shifts.shifts[row], bars, fmt=marker, ms=4, color=colour, capsize=2, label=name
         )

@@ -271,7 +271,7 @@ def _estimated(run: Run, estimate: EstimateTable) -> tuple[FrfSet, Steps | None]
         return frfs_of(run, estimate)[0], None
     frfs, steps = estimation.stepped_test(run, estimate.discard)
     if estimate.mount_mass:
-        frfs = estimation.without_mount_mass(frfs, estimate.mount_mass, frfs.inputs[0])
+        frfs = estimation.without_mount_mass(frfs, estimate.mount_mass, frfs.inputs)
     return frfs, steps
 
 

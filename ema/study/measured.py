@@ -9,6 +9,7 @@ import numpy as np
 
 from acquisition import Part, merge
 from ema.data import FrfSet, HitGallery, Run
+from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, silent
 from ema.study.recipe import EstimateTable
@@ -56,8 +57,15 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
         )
     frfs, hits = _of_records(run, settings, progress)
     if settings.mount_mass > 0 and run.kind != "hammer":
-        frfs = estimate.without_mount_mass(frfs, settings.mount_mass, frfs.inputs[0])
+        for forces in _together(run):
+            frfs = estimate.without_mount_mass(frfs, settings.mount_mass, forces)
     return frfs, hits
+
+
+def _together(run: Run) -> list[tuple[Dof, ...]]:
+    """Forces of the records that act at the same time."""
+    found = [[one.channels[row].dof for row in one.with_role("reference")] for one in run.recordings]
+    return list(dict.fromkeys(tuple(dof for dof in dofs if dof is not None) for dofs in found))
 
 
 def _of_records(run: Run, settings: EstimateTable, progress: Progress) -> tuple[FrfSet, HitGallery | None]:

@@ -68,6 +68,26 @@ def test_mount_mass_is_taken_off_exactly(quantity):
         estimate.without_mount_mass(loaded, -1.0, "1:+Z")
 
 
+def test_mount_masses_of_shakers_that_act_together_are_taken_off_exactly():
+    """The structure moves by A (F - m a_d): with a mass at each drive point it answers to the read forces by
+    A (I + m A_dd)^-1. One sensor looks against its force; the variances are those of drawn errors."""
+    rng, mass = np.random.default_rng(20261127), 0.2
+    dofs = (Dof(1, "+Z"), Dof(2, "-Z"), Dof(3, "+X"))
+    forces = (dofs[0], Dof(2, "+Z"))
+    lines, rows = np.arange(20.0, 300.0, 1.0), np.array([0, 1])
+    true = rng.normal(size=(len(lines), 3, 2)) + 1j * rng.normal(size=(len(lines), 3, 2))
+    along = true[:, rows] * np.array([1.0, -1.0])[:, None]
+    read = true @ np.linalg.inv(np.eye(2) + mass * along)
+    loaded = FrfSet(lines, read, dofs, forces, "accelerance", "m/s^2/N", variance=np.full(read.shape, 1e-6))
+    cleaned = estimate.without_mount_mass(loaded, mass, forces)
+    assert cleaned.values == pytest.approx(true, rel=1e-9)
+    errors = np.sqrt(0.5e-6) * (rng.normal(size=(4000, *read.shape)) + 1j * rng.normal(size=(4000, *read.shape)))
+    noisy = read[7] + errors[:, 7]
+    turned = np.linalg.inv(np.eye(2) - mass * np.array([1.0, -1.0])[:, None] * noisy[:, rows])
+    drawn = np.var(noisy @ turned, axis=0)
+    assert cleaned.variance[7] == pytest.approx(drawn, rel=0.1)
+
+
 def test_level_is_reached_in_few_measurements():
     rng = np.random.default_rng(1)
     for _ in range(50):

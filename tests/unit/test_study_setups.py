@@ -89,6 +89,19 @@ def test_the_mass_of_the_mount_is_taken_off_in_set_ups_as_well():
     assert np.abs(inside.values - exact).max() < 2e-2 * np.abs(exact).max()
 
 
+def test_masses_of_two_mounts_are_taken_off_together():
+    """Records of two shakers whose cells read F; the FRFs between these are A, those behind the masses
+    A (I - m A_dd)^-1."""
+    mass, drive = 0.5, RandomShakers(DOFS[:2], 10.0, (20.0, 900.0), duration=40.0)
+    run = Run("random", Condition(Excitation("random")), tuple(records(drive, (1, 2, 3), "A")))
+    frfs, _ = frfs_of(run, EstimateTable(mount_mass=mass))
+    inside = frfs.band(60, 400)
+    read = synthesis.frfs(model(), inside.frequencies, "accelerance", outputs=inside.outputs, inputs=inside.inputs)
+    points = read.values[:, [read.outputs.index(dof) for dof in inside.inputs]]
+    exact = read.values @ np.linalg.inv(np.eye(2) - mass * points)
+    assert np.abs(inside.values - exact).max() < 2e-2 * np.abs(exact).max()
+
+
 def test_nothing_to_work_with_is_said():
     with pytest.raises(InputError, match="neither records nor FRFs"):
         frfs_of(Run("empty", Condition()), EstimateTable())
