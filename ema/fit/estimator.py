@@ -246,6 +246,11 @@ class Fit:
         return np.concatenate([np.arange(modes), self.free % max(modes, 1)])
 
     @property
+    def held(self) -> bool:
+        """Whether poles and participation are no unknowns (`evaluate`)."""
+        return len(self.poles) > 0 and not len(self.gradient)
+
+    @property
     def psi(self) -> Complex[np.ndarray, "mode out"]:
         """Shapes on the outputs or their directions."""
         return self.shapes.reshape(-1, len(self.poles)).T
@@ -273,6 +278,7 @@ def evaluate(
     start: tuple[np.ndarray, np.ndarray] | None = None,
     *,
     orthogonal: bool = False,
+    held: bool = False,
 ) -> Fit:
     """Optimal linear unknowns at given poles and participation, and the linearisation there.
 
@@ -281,6 +287,7 @@ def evaluate(
     participation : with a largest entry of 1 for each mode.
     start : shapes and coefficients of the residual terms near the optimum, which keeps rounding out of the cost.
     orthogonal : eliminate by orthogonal transformations of the functions on the lines, which takes much longer.
+    held : poles and participation are no unknowns, which takes a third of the time where each output has its weights.
     """
     if start is None:
         rows, members = data.signals.shape[:2]
@@ -288,10 +295,10 @@ def evaluate(
             np.zeros((rows, members, len(poles)), complex),
             np.zeros((rows, members, data.references, terms.mixing.shape[1])),
         )
-        first = evaluate(data, poles, participation, terms, nothing)
+        first = evaluate(data, poles, participation, terms, nothing, held=held)
         start = first.shapes, first.rest
     found = data.recent.functions(data.s, poles, terms.poles)
-    return _Evaluation(data, poles, participation, terms, found, orthogonal).at(*start)
+    return _Evaluation(data, poles, participation, terms, found, orthogonal, held=held).at(*start)
 
 
 def with_orthogonal_matrices(data: Observations, fit: Fit) -> Fit:
@@ -401,24 +408,27 @@ class _Evaluation:
         terms: Background,
         found: Functions,
         orthogonal: bool = False,
+        *,
+        held: bool = False,
     ) -> None:
         self.orthogonal, self.rounding = orthogonal, ORTHOGONAL if orthogonal else ROUNDING
         self.data, self.poles, self.participation, self.terms, self.found = data, poles, participation, terms, found
         self.modes, self.references = len(poles), len(participation)
         self.every = np.concatenate([poles, terms.poles])
-        self.free = free_entries(participation)
+        self.moving = 0 if held else self.modes
+        self.free = np.zeros(0, int) if held else free_entries(participation)
         # Positions among shapes, poles and all entries of the participation.
-        self.keep = np.concatenate([np.arange(2 * self.modes), 2 * self.modes + self.free])
+        self.keep = np.concatenate([np.arange(self.modes + self.moving), 2 * self.modes + self.free])
         self.shared = len(self.keep)
         half = np.arange(self.modes)
         self.of_shapes = np.concatenate([half, self.shared + half])
         rest = np.arange(self.modes, self.shared)
         self.of_unknowns = np.concatenate([rest, self.shared + rest])
-        self.owners = np.concatenate([half, self.free % max(self.modes, 1)])
+        self.owners = np.concatenate([half[: self.moving], self.free % max(self.modes, 1)])
         # Modes whose entry is unknown, for each reference, and the places of these entries behind the poles.
         of_reference = np.searchsorted(self.free, self.modes * np.arange(self.references + 1))
         self.free_modes = [self.free[a:b] % max(self.modes, 1) for a, b in pairwise(of_reference)]
-        self.places = [slice(self.modes + a, self.modes + b) for a, b in pairwise(of_reference)]
+        self.places = [slice(self.moving + a, self.moving + b) for a, b in pairwise(of_reference)]
         # Functions on the lines, products for each row, factorisation of the information.
         functions = 2 * self.modes + len(terms.poles) + 2
         of_rows = (
@@ -607,11 +617,11 @@ class _Evaluation:
 
     def equations(self, weights: Float[np.ndarray, "r in line"]) -> "_Equations":
         """Normal equations of some rows, reference by reference."""
-        modes, rows, unknowns = self.modes, len(weights), self.shared - self.modes
+        modes, moving, rows, unknowns = self.modes, self.moving, len(weights), self.shared - self.modes
         sums = model.sums_over_lines(self.found, weights)
-        found = model.products(self.every, modes, sums.reshape(-1, sums.shape[-1]))
-        first = found.first.reshape(2, rows, self.references, len(self.every) + 2, 2 * modes)
-        squares = found.squares.reshape(2, rows, self.references, modes, modes)
+        found = model.products(self.every, modes, sums.reshape(-1, sums.shape[-1]), moving)
+        first = found.first.reshape(2, rows, self.references, len(self.every) + 2, modes + moving)
+        squares = found.squares.reshape(2, rows, self.references, moving, moving)
         # Residual terms have real coefficients: their products with functions z are Re(across z).
         real, imaginary = np.split(self.terms.mixing.T, 2, axis=1)
         of_terms = first[:, :, :, modes:]
@@ -628,14 +638,15 @@ class _Evaluation:
             direct, turned = (np.diagonal(form[:, i, :modes], axis1=1, axis2=2) for form in first)
             direct, turned = np.abs(entries) ** 2 * direct.real, (entries**2 * turned).real
             bare += np.stack([direct + turned, direct - turned], axis=1)
-            lean[:, i, :, : 2 * modes] = follow[:, i] * np.tile(entries, 2)
+            lean[:, i, :, : modes + moving] = follow[:, i] * np.concatenate([entries, entries[:moving]])
             lean[:, i, :, modes:][..., own] = follow[:, i][..., free]
             for form in (0, 1):
                 left = (entries if form else entries.conj())[:, None]
                 back = across[:, i] if form else across[:, i].conj()
                 # They take (across z)^T of_rest (across z) off z^H P z + Re(z^T Q z), half of it off either form.
                 lost = 0.5 * (back.transpose(0, 2, 1) @ follow[:, i])
-                shared[form, :, :modes, :modes] += left * (squares[form, :, i] - lost[:, modes:, modes:]) * entries
+                of_poles = left[:moving] * (squares[form, :, i] - lost[:, modes:, modes:])
+                shared[form, :, :moving, :moving] += of_poles * entries[:moving]
                 of_shapes = first[form, :, i, :modes] - lost[:, :modes]
                 if len(free):
                     shared[form, :, own, own] = of_shapes[:, free[:, None], free]
@@ -644,7 +655,7 @@ class _Evaluation:
                     shared[form, :, :modes, own] = (mixed if form else mixed.conj()).transpose(0, 2, 1)
                 of_shapes *= left
                 shapes[form] += of_shapes[..., :modes] * entries
-                coupling[form, ..., :modes] += of_shapes[..., modes:] * entries
+                coupling[form, ..., :moving] += of_shapes[..., modes:] * entries[:moving]
                 coupling[form, ..., own] = of_shapes[..., free]
         lean = np.concatenate([lean.real, -lean.imag], axis=-1)
         return _Equations(shapes, coupling, shared, bare.reshape(rows, -1), lean, of_rest)
@@ -947,7 +958,7 @@ def gains(data: Observations, fit: Fit) -> Float[np.ndarray, "mode"]:
 def drop(data: Observations, fit: Fit, keep: np.ndarray) -> Fit:
     """The fit with some of its modes only."""
     start = fit.shapes[..., keep], fit.rest
-    return evaluate(data, fit.poles[keep], fit.participation[:, keep], fit.terms, start)
+    return evaluate(data, fit.poles[keep], fit.participation[:, keep], fit.terms, start, held=fit.held)
 
 
 def determined(data: Observations, fit: Fit) -> tuple[Fit, Int[np.ndarray, "kept"]]:

@@ -264,36 +264,41 @@ def sums_over_lines(found: Functions, weights: Float[np.ndarray, "*row line"]) -
 
 @dataclass(frozen=True)
 class Products:
-    """``P`` and ``Q`` of pair functions under some rows of weights: ``first`` (form, row, a, 2 mode) of all functions,
-    the lower and the upper residual behind them, with those of the modes and their squares; ``squares``
-    (form, row, mode, mode) of these squares with each other. ``form`` is 0 for ``P`` and 1 for ``Q``.
+    """``P`` and ``Q`` of pair functions under some rows of weights: ``first`` (form, row, a, mode + square) of all
+    functions, the lower and the upper residual behind them, with those of the modes and their squares; ``squares``
+    (form, row, square, square) of these squares with each other. ``form`` is 0 for ``P`` and 1 for ``Q``.
     """
 
     first: Complex[np.ndarray, "2 row a b"]
-    squares: Complex[np.ndarray, "2 row mode mode"]
+    squares: Complex[np.ndarray, "2 row square square"]
 
 
-def products(poles: Complex[np.ndarray, "pole"], modes: int, sums: Complex[np.ndarray, "row sum"]) -> Products:
-    """Products of the functions of all ``poles``, of which the first are those of the modes, for each row of sums."""
+def products(
+    poles: Complex[np.ndarray, "pole"], modes: int, sums: Complex[np.ndarray, "row sum"], squared: int
+) -> Products:
+    """Products of the functions of all ``poles``, the first ``modes`` of which are those of the modes, and of the squares
+    of the first ``squared`` ones, for each row of sums.
+    """
     count, rows = len(poles), len(sums)
-    alpha, beta = sums[:, :count], sums[:, None, count : count + modes]
+    alpha, beta = sums[:, :count], sums[:, None, count : count + squared]
     one = sums[:, count + modes + 1, None]
-    own, of_modes = poles[:modes], alpha[:, None, :modes]
-    first = np.empty((2, rows, count + 2, 2 * modes), complex)
-    squares = np.empty((2, rows, modes, modes), complex)
+    own, moving, of_modes = poles[:modes], poles[:squared], alpha[:, None, :modes]
+    first = np.empty((2, rows, count + 2, modes + squared), complex)
+    squares = np.empty((2, rows, squared, squared), complex)
     # Lower and upper residual: the same sums weighted by s^-2 and by 1.
     lower = (alpha[:, :modes] - 2 * own * one) / own**2
     first[:, :, count, :modes], first[:, :, count + 1, :modes] = 0.5 * lower, 0.5 * alpha[:, :modes]
-    first[:, :, count, modes:] = 0.5 * (beta[:, 0] - 2 * one - 2 * own * lower) / own**2
+    first[:, :, count, modes:] = 0.5 * (beta[:, 0] - 2 * one - 2 * moving * lower[:, :squared]) / moving**2
     first[:, :, count + 1, modes:] = 0.5 * beta[:, 0]
     for form, (others, other_sums) in enumerate(((poles.conj(), alpha.conj()), (poles, alpha))):
         inverted = -1 / (others[:, None] + own)
         direct = first[form, :, :count, :modes]
         np.multiply(other_sums[:, :, None] + of_modes, inverted, out=direct)
         # Derivatives with respect to the second pole, then with respect to both.
+        direct, inverted = direct[:, :, :squared], inverted[:, :squared]
         np.multiply(beta + direct, inverted, out=first[form, :, :count, modes:])
-        of_both = 2 * direct[:, :modes] + beta + (beta.conj() if form == 0 else beta).transpose(0, 2, 1)
-        np.multiply(of_both, inverted[:modes] ** 2, out=squares[form])
+        of_both = 2 * direct[:, :squared] + beta + (beta.conj() if form == 0 else beta).transpose(0, 2, 1)
+        np.multiply(of_both, inverted[:squared] ** 2, out=squares[form])
     return Products(first, squares)
 
 

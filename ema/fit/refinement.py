@@ -187,7 +187,8 @@ def _first(
     fit, kept = estimator.determined(observed, fit)
     dropped: tuple[Dropped, ...] = ()
     if not misfit:
-        _, left, dropped = _pruned(*_weighted(flat, _by_row(fit, data), data.derivative, known, misfit), chosen, kept)
+        there = _weighted(flat, _by_row(fit, data), data.derivative, known, misfit, held=True)
+        _, left, dropped = _pruned(*there, chosen, kept)
         if len(left) < len(kept):
             fit, kept = estimator.drop(observed, fit, np.isin(kept, left)), left
     fit, left = estimator.determined(observed, _optimum(observed, fit))
@@ -239,11 +240,18 @@ def _start(observed: Observations, data: Prepared, chosen: Selection) -> Fit:
 
 
 def _weighted(
-    flat: Observations, fit: Fit, derivative: int, known: Float[np.ndarray, "out in freq"] | None, misfit: bool
+    flat: Observations,
+    fit: Fit,
+    derivative: int,
+    known: Float[np.ndarray, "out in freq"] | None,
+    misfit: bool,
+    *,
+    held: bool = False,
 ) -> tuple[Observations, Fit]:
-    """The observations with the weights that a fit gives them, and the fit there."""
+    """The observations with the weights that a fit gives them, and the fit there, its poles ``held`` or not."""
     flat = replace(flat, weights=_weights(flat, fit, derivative, known, misfit))
-    return flat, estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, (fit.shapes, fit.rest))
+    start = fit.shapes, fit.rest
+    return flat, estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, start, held=held)
 
 
 def _between(
