@@ -276,8 +276,8 @@ class Products:
 def products(
     poles: Complex[np.ndarray, "pole"], modes: int, sums: Complex[np.ndarray, "row sum"], squared: int
 ) -> Products:
-    """Products of the functions of all ``poles``, the first ``modes`` of which are those of the modes, and of the squares
-    of the first ``squared`` ones, for each row of sums.
+    """Products of the functions of all ``poles``, of which the first ``modes`` are those of the modes, and of the
+    squares of the first ``squared`` ones, for each row of sums.
     """
     count, rows = len(poles), len(sums)
     alpha, beta = sums[:, :count], sums[:, None, count : count + squared]
