@@ -169,6 +169,7 @@ def _draws(
         )
     ]
     frequency, damping = found["frequency over bound"], found["damping over bound"]
+    found["over bound with residual terms"] = _with_residual_terms(case, bound, frequency["single"], damping["single"])
     print(
         f"{key}: over the bound f {frequency['pooled']:.3f}, zeta {damping['pooled']:.3f} (single "
         f"{max(frequency['largest'], damping['largest']):.2f}, band to {frequency['band'][1]:.2f}); bias f "
@@ -178,6 +179,18 @@ def _draws(
         flush=True,
     )
     return {"noise": noise, "knowledge": knowledge.name, "seed": case.seed, **found}
+
+
+def _with_residual_terms(case: Case, bound: Bound, frequency: list[float], damping: list[float]) -> dict[str, float]:
+    """Errors over the bound of a fit that has to find out whether there are residual terms, pooled and the largest."""
+    wide, keep = cramer_rao(case, residual_terms=True), bound.identifiable
+    f = np.array(frequency) * (bound.frequency_std / wide.frequency_std)[keep]
+    z = np.array(damping) * (bound.damping_std / wide.damping_std)[keep]
+    return {
+        "frequency": float(np.sqrt(np.mean(f**2))),
+        "damping": float(np.sqrt(np.mean(z**2))),
+        "largest": float(max(f.max(), z.max())),
+    }
 
 
 def _identifiable(make: Callable[..., Case], noise: float, seed: int) -> tuple[Case, Bound]:

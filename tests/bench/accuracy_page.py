@@ -49,8 +49,10 @@ from what it measured; seeds are drawn at run time.
 - **Noise of 1 %** means a complex standard deviation of 1 % of |H| at each line plus 1 % of that FRF's root mean square
   over the band. The systems are viscous with non-proportional damping; the modes outside the band are included exactly.
 - **Bound**: Cramér-Rao, of the model which made the data: unknown poles, participations and complex shapes of all modes
-  inside and outside the band, and a known noise level. A fit that has to find out more (residual terms, the noise
-  level) may lie a little above 1.
+  inside and outside the band, and a known noise level. A fit that has to find out more (the noise level, and
+  whether there are residual terms, which the data have not) lies above 1: a little for narrow modes, by 1.3 and more
+  for wide ones near an end of the band. Where it matters, the bound of a model with an upper and a lower residual of
+  every FRF stands beside it.
 - A mode is **identifiable** when its standard deviations by that bound are below 10 % of the damping ratio and a fifth
   of the distance to its neighbour.
 - **Found**: frequency within 1 % and nearer to it than to its neighbour, MAC of at least 0.8, one to one. **False**:
