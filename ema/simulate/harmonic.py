@@ -161,15 +161,14 @@ class Condensed:
             )
         self.harmonics = int(np.searchsorted(self.orders(highest + 1), highest, side="right"))
 
-    def basis(self, count: int) -> Float[np.ndarray, "2 sample size"]:
-        """First and second derivative of cos and sin of the harmonics over a period, to find all turning points."""
+    def basis(self, count: int) -> Float[np.ndarray, "2 size sample"]:
+        """First and second derivative of cos and sin of odd harmonics over half a period, to find all turning points."""
         if count not in self._bases:
-            orders = self.orders(count)
-            samples = 8 * int(orders[-1]) + 8
-            angle = 2 * np.pi * np.arange(samples)[:, None] / samples * orders
-            rate = np.stack([-orders * np.sin(angle), orders * np.cos(angle)], -1)
-            bend = np.stack([-(orders**2) * np.cos(angle), -(orders**2) * np.sin(angle)], -1)
-            self._bases[count] = np.array([rate.reshape(samples, -1), bend.reshape(samples, -1)])
+            orders = self.orders(count)[:, None]
+            angle = orders * np.linspace(0.0, np.pi, 4 * int(orders[-1, 0]) + 5)
+            rate = np.stack([-orders * np.sin(angle), orders * np.cos(angle)], 1)
+            bend = np.stack([-(orders**2) * np.cos(angle), -(orders**2) * np.sin(angle)], 1)
+            self._bases[count] = np.array([rate, bend]).reshape(2, 2 * count, -1)
         return self._bases[count]
 
     @property
@@ -233,7 +232,7 @@ class Condensed:
         count = amplitudes.shape[1] // 2
         result: tuple[np.ndarray, ...] = self.kernels.contact_forces(
             np.ascontiguousarray(amplitudes),
-            (self.orders(count), self.basis(count), fine, omega),
+            (self.orders(count), amplitudes @ self.basis(count), fine, omega),
             (self.stiffness, level * self.limits, self.members),
             self.springs,
             *self.quadrature,
