@@ -9,7 +9,7 @@ matters.
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -37,6 +37,8 @@ _FORCING, _ROUGHLY = 1e-3, 0.05
 """How far GMRES solves for a step, and where only the size of the step matters."""
 _KEPT = 4
 """Frequencies whose unit motions are kept: that of a point, and those between which a summit is sought."""
+_COMPARED = 9
+"""Harmonics with which it is seen first whether two solutions lie on one branch."""
 SAFETY, LEAST_ERROR = 4.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
 FEWEST_HARMONICS, WIDER_STARTS = 3, (5, 9, 14)
@@ -630,14 +632,33 @@ class Condensed:
     def joins(self, point: _Point, other: _Point) -> bool:
         """Whether two solutions seem to lie on one branch: from neither a second one is found where the other is.
 
-        Both are sought with the harmonics that the other one has, so that on one branch they differ by rounding.
+        Both are sought with the harmonics that the other one has, so that on one branch they differ by rounding. What
+        bends a curve is in the low harmonics: solutions with these alone are looked at first, where truncating moves
+        both by less than they are apart.
         """
         self.left = int(_ROUGH_SHARE * self.budget)
+        fewer = self._truncated(point, other)
+        return (fewer is not None and self._meet(*fewer)) or self._meet(point, other)
+
+    def _meet(self, point: _Point, other: _Point) -> bool:
+        """Whether none of two solutions, each started from the other one, is a third one."""
         for here, there in ((point, other), (other, point)):
             again = self._again(here, self.gains(there.omega, there.count), there.omega)
             if again is not None and self._change(there, again) > max(there.error, LEAST_ERROR * self.tolerance):
                 return False
         return True
+
+    def _truncated(self, *points: _Point) -> list[_Point] | None:
+        """Two solutions with the low harmonics alone, where that moves both by less than they are apart."""
+        if max(point.count for point in points) <= _COMPARED:
+            return None
+        near, apart = list[_Point](), self._change(*points)
+        for point in points:
+            fewer = self._again(point, self.gains(point.omega, min(point.count, _COMPARED)))
+            if fewer is None or self._change(point, fewer) >= apart:
+                return None
+            near.append(replace(fewer, error=point.error))
+        return near
 
     def judged(self, point: _Point) -> float:
         """Error estimate of a solution, from one with fewer harmonics and a step with more."""

@@ -19,12 +19,17 @@ _CLOSE = 1e-7
 
 @fast
 def waves(x, count, cosine, sine):
-    """cos(n x) and sin(n x) for n = 0 ... count - 1."""
+    """cos(n x) and sin(n x) for n = 0 ... count - 1, eight at a time."""
     c, s = np.cos(x), np.sin(x)
     cosine[0], sine[0] = 1.0, 0.0
-    for n in range(1, count):
+    for n in range(1, min(count, 8)):
         cosine[n] = cosine[n - 1] * c - sine[n - 1] * s
         sine[n] = sine[n - 1] * c + cosine[n - 1] * s
+    if count > 8:
+        c, s = np.cos(8 * x), np.sin(8 * x)
+        for n in range(8, count):
+            cosine[n] = cosine[n - 8] * c - sine[n - 8] * s
+            sine[n] = sine[n - 8] * c + cosine[n - 8] * s
 
 
 @fast
@@ -32,7 +37,7 @@ def motion(amplitudes, orders, cosine, sine):
     """Displacement and its first three derivatives from the waves at an instant."""
     u, du, ddu, dddu = 0.0, 0.0, 0.0, 0.0
     for h in range(len(orders)):
-        n = orders[h]
+        n = 2 * h + 1
         a, b = amplitudes[2 * h], amplitudes[2 * h + 1]
         value, rate = a * cosine[n] + b * sine[n], n * (b * cosine[n] - a * sine[n])
         u += value
