@@ -13,6 +13,9 @@ from ema.simulate.bristle_kernels import bristle_period
 from ema.simulate.period_kernels import masing_period, turning_points
 from ema.simulate.quadrature_kernels import smooth_period
 
+_MOST_TURNS = 200
+"""Of GMRES: above 400 unknowns they take less than an elimination."""
+
 
 @inner
 def reach(amplitudes):
@@ -178,9 +181,10 @@ def krylov_step(system, rest, coarse, forcing):
     ``system``: receptances Z, Jacobian, its members, who slips; ``coarse`` as in ``precondition``. Returns the step and
     the number of turns (-1: it takes too many).
     """
-    (gains, jacobian, members, slips), most, (contacts, width) = system, 80, rest.shape
+    (gains, jacobian, members, slips), (contacts, width) = system, rest.shape
+    most = min(contacts * width, _MOST_TURNS)
     zero, step = np.zeros((contacts, width)), np.zeros(contacts * width)
-    turned, held = np.zeros((most + 1, len(step))), np.empty((most, contacts, width))
+    turned, held = np.empty((most + 1, len(step))), np.empty((most, contacts, width))
     room = np.empty((coarse[0].shape[1], width)), np.empty((coarse[0].shape[1], width))
     triangle, target, seen = np.zeros((most + 1, most)), np.zeros(most + 1), np.empty(most)
     cosine, sine = np.zeros(most), np.zeros(most)
