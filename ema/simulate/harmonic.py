@@ -39,6 +39,7 @@ _KEPT = 4
 """Frequencies whose unit motions are kept: that of a point, and those between which a summit is sought."""
 _COMPARED = 9
 """Harmonics with which it is seen first whether two solutions lie on one branch."""
+_LOW = 9
 SAFETY, LEAST_ERROR = 4.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
 FEWEST_HARMONICS, WIDER_STARTS = 3, (5, 9, 14)
@@ -567,6 +568,8 @@ class Condensed:
         point: _Point | None = None
         coarser: tuple[Any, ...] | None = None
         finest = FINEST
+        if start is not None and count > _LOW:
+            start = self._near(omega, start)
         while True:
             # a number that is given is judged by many more: of few, the next one or two tell little
             all_gains = self.gains(omega, count + max(6 if self.harmonics else min(count, 6), count // 2))
@@ -609,6 +612,11 @@ class Condensed:
                 return point
             before_count, count = count, min(count + max(1, count // 2), self.most_orders)
             self.fine = self.fineness(before_count, count)
+
+    def _near(self, omega: float, start: np.ndarray) -> Float[np.ndarray, "contact size"]:
+        """A start whose low harmonics are those of a solution with these alone, where there is one."""
+        found = self._newton(omega, with_harmonics(start, _LOW), self.gains(omega, _LOW))
+        return start if found is None else np.hstack([found[1], start[:, 2 * _LOW :]])
 
     def _doubt(self, point: _Point, other: _Point | None) -> float:
         """Error estimate of the first harmonic, relative, from a solution with another number of harmonics.
