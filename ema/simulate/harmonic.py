@@ -73,6 +73,8 @@ class _Point:
     error: float
     height: tuple[float, float] = (np.nan, np.nan)
     """Force amplitude in N, and the size of the first output under it, where it is known."""
+    slope: np.ndarray | None = None
+    """Derivative of the amplitudes by the angular frequency in m s, where it is known."""
 
     @property
     def count(self) -> int:
