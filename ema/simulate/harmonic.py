@@ -304,9 +304,8 @@ class Condensed:
                     break
                 trial = amplitudes - length * step
                 continue
-            closer = min(max((new / norm) ** 2, forcing), _ROUGHLY) if steps else max(forcing, _ROUGHLY)
             amplitudes, norm, length, steps = trial, new, 1.0, steps + 1
-            step = self.newton_step(omega, gains, (jacobian, slips), rest, forcing=closer)
+            step = self.newton_step(omega, gains, (jacobian, slips), rest, forcing=forcing)
             trial = amplitudes - step
             if steps > most or self.left < 0:
                 break
