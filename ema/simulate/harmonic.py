@@ -37,9 +37,9 @@ _FORCING, _ROUGHLY = 1e-3, 0.05
 """How far GMRES solves for a step, and where only the size of the step matters."""
 _KEPT = 4
 """Frequencies whose unit motions are kept: that of a point, and those between which a summit is sought."""
-_COMPARED = 9
-"""Harmonics with which it is seen first whether two solutions lie on one branch."""
 _LOW = 9
+"""Harmonics that are solved for alone before many are, and with which it is seen first whether two solutions lie on one
+branch: they bend the curve."""
 SAFETY, LEAST_ERROR = 4.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
 FEWEST_HARMONICS, WIDER_STARTS = 3, (5, 9, 14)
@@ -167,7 +167,7 @@ class Condensed:
         self.harmonics = int(np.searchsorted(self.orders(highest + 1), highest, side="right"))
 
     def basis(self, count: int) -> Float[np.ndarray, "2 size sample"]:
-        """First and second derivative of cos and sin of odd harmonics over half a period, to find all turning points."""
+        """First and second derivative of cos and sin of odd harmonics over half a period, to find turning points."""
         if count not in self._bases:
             orders = self.orders(count)[:, None]
             angle = orders * np.linspace(0.0, np.pi, 4 * int(orders[-1, 0]) + 5)
@@ -660,11 +660,11 @@ class Condensed:
 
     def _truncated(self, *points: _Point) -> list[_Point] | None:
         """Two solutions with the low harmonics alone, where that moves both by less than they are apart."""
-        if max(point.count for point in points) <= _COMPARED:
+        if max(point.count for point in points) <= _LOW:
             return None
         near, apart = list[_Point](), self._change(*points)
         for point in points:
-            fewer = self._again(point, self.gains(point.omega, min(point.count, _COMPARED)))
+            fewer = self._again(point, self.gains(point.omega, min(point.count, _LOW)))
             if fewer is None or self._change(point, fewer) >= apart:
                 return None
             near.append(replace(fewer, error=point.error))

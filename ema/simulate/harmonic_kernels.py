@@ -32,11 +32,12 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
 
     Without ``derive`` the Jacobian is not made.
 
-    period: odd orders, first and second derivative (2, contact, sample) of the motions over half a period, ends included,
-    that serve to find the turning points, a factor on the number of nodes, angular frequency. contact: stiffnesses, slip forces, and members (contact,
-    member), the contacts on whose motion the force of a contact depends, itself first, then -1. springs: as
-    ``ContactLaws.springs`` gives them. smooth: what ``ContactLaws.one_by_one`` gives. bristles: whether a contact has
-    LuGre's law, and the parameters of all. Either is None where no contact asks for it, and its quadrature is then not
+    period: odd orders, first and second derivative (2, contact, sample) of the motions over half a period with both
+    ends, to find the turning points, a factor on the number of nodes, angular frequency. contact: stiffnesses, slip
+    forces, and members (contact, member), the contacts on whose motion the force of a contact depends, itself first,
+    then -1. springs: as ``ContactLaws.springs`` gives them. smooth: what ``ContactLaws.one_by_one`` gives. bristles:
+    whether a contact has LuGre's law, and the parameters of all. Either is None where no contact asks for it, and its
+    quadrature is then not
     compiled.
     """
     (orders, samples, fine, omega), (stiffness, limits, members) = period, contact

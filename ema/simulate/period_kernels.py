@@ -37,7 +37,7 @@ def motion(amplitudes, orders, cosine, sine):
     """Displacement and its first three derivatives from the waves at an instant."""
     u, du, ddu, dddu = 0.0, 0.0, 0.0, 0.0
     for h in range(len(orders)):
-        n = 2 * h + 1
+        n = 2 * h + 1  # = orders[h]; known so, the compiler reads several at a time
         a, b = amplitudes[2 * h], amplitudes[2 * h + 1]
         value, rate = a * cosine[n] + b * sine[n], n * (b * cosine[n] - a * sine[n])
         u += value
@@ -178,8 +178,8 @@ def _forces(moments, constant, amplitudes, room, forces):
 
 @fast
 def _derivatives(room, memory, orders, turns, jacobian):
-    """Their derivatives by the amplitudes: what slides, and what stuck stretches owe to the turning points at which they
-    began, with ``memory`` (turn, 2 H); ``room`` as ``_forces`` leaves it."""
+    """Their derivatives by the amplitudes: of sliding stretches, and what stuck ones owe to the turning points at which
+    they began, with ``memory`` (turn, 2 H); ``room`` as ``_forces`` leaves it."""
     (even, odd), half, (number, _, _, cosine, sine) = room, len(orders), turns
     for i in range(half):
         above, below = jacobian[2 * i], jacobian[2 * i + 1]
