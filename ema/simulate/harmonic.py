@@ -9,7 +9,7 @@ matters.
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -37,6 +37,9 @@ _FORCING, _ROUGHLY = 1e-3, 0.05
 """How far GMRES solves for a step, and where only the size of the step matters."""
 _KEPT = 4
 """Frequencies whose unit motions are kept: that of a point, and those between which a summit is sought."""
+_LOW = 9
+"""Harmonics that are solved for alone before many are, and with which it is seen first whether two solutions lie on one
+branch: they bend the curve."""
 SAFETY, LEAST_ERROR = 4.0, 0.8
 """Factor on what more harmonics change; the least error that is stated where contacts slip, over the tolerance."""
 FEWEST_HARMONICS, WIDER_STARTS = 3, (5, 9, 14)
@@ -70,6 +73,8 @@ class _Point:
     error: float
     height: tuple[float, float] = (np.nan, np.nan)
     """Force amplitude in N, and the size of the first output under it, where it is known."""
+    slope: np.ndarray | None = None
+    """Derivative of the amplitudes by the angular frequency in m s, where it is known."""
 
     @property
     def count(self) -> int:
@@ -161,15 +166,14 @@ class Condensed:
             )
         self.harmonics = int(np.searchsorted(self.orders(highest + 1), highest, side="right"))
 
-    def basis(self, count: int) -> Float[np.ndarray, "2 sample size"]:
-        """First and second derivative of cos and sin of the harmonics over a period, to find all turning points."""
+    def basis(self, count: int) -> Float[np.ndarray, "2 size sample"]:
+        """First and second derivative of cos and sin of odd harmonics over half a period, to find turning points."""
         if count not in self._bases:
-            orders = self.orders(count)
-            samples = 8 * int(orders[-1]) + 8
-            angle = 2 * np.pi * np.arange(samples)[:, None] / samples * orders
-            rate = np.stack([-orders * np.sin(angle), orders * np.cos(angle)], -1)
-            bend = np.stack([-(orders**2) * np.cos(angle), -(orders**2) * np.sin(angle)], -1)
-            self._bases[count] = np.array([rate.reshape(samples, -1), bend.reshape(samples, -1)])
+            orders = self.orders(count)[:, None]
+            angle = orders * np.linspace(0.0, np.pi, 4 * int(orders[-1, 0]) + 5)
+            rate = np.stack([-orders * np.sin(angle), orders * np.cos(angle)], 1)
+            bend = np.stack([-(orders**2) * np.cos(angle), -(orders**2) * np.sin(angle)], 1)
+            self._bases[count] = np.array([rate, bend]).reshape(2, 2 * count, -1)
         return self._bases[count]
 
     @property
@@ -233,7 +237,7 @@ class Condensed:
         count = amplitudes.shape[1] // 2
         result: tuple[np.ndarray, ...] = self.kernels.contact_forces(
             np.ascontiguousarray(amplitudes),
-            (self.orders(count), self.basis(count), fine, omega),
+            (self.orders(count), amplitudes @ self.basis(count), fine, omega),
             (self.stiffness, level * self.limits, self.members),
             self.springs,
             *self.quadrature,
@@ -565,6 +569,8 @@ class Condensed:
         point: _Point | None = None
         coarser: tuple[Any, ...] | None = None
         finest = FINEST
+        if start is not None and count > _LOW:
+            start = self._near(omega, start)
         while True:
             # a number that is given is judged by many more: of few, the next one or two tell little
             all_gains = self.gains(omega, count + max(6 if self.harmonics else min(count, 6), count // 2))
@@ -608,6 +614,11 @@ class Condensed:
             before_count, count = count, min(count + max(1, count // 2), self.most_orders)
             self.fine = self.fineness(before_count, count)
 
+    def _near(self, omega: float, start: np.ndarray) -> Float[np.ndarray, "contact size"]:
+        """A start whose low harmonics are those of a solution with these alone, where there is one."""
+        found = self._newton(omega, with_harmonics(start, _LOW), self.gains(omega, _LOW))
+        return start if found is None else np.hstack([found[1], start[:, 2 * _LOW :]])
+
     def _doubt(self, point: _Point, other: _Point | None) -> float:
         """Error estimate of the first harmonic, relative, from a solution with another number of harmonics.
 
@@ -631,14 +642,33 @@ class Condensed:
     def joins(self, point: _Point, other: _Point) -> bool:
         """Whether two solutions seem to lie on one branch: from neither a second one is found where the other is.
 
-        Both are sought with the harmonics that the other one has, so that on one branch they differ by rounding.
+        Both are sought with the harmonics that the other one has, so that on one branch they differ by rounding. What
+        bends a curve is in the low harmonics: solutions with these alone are looked at first, where truncating moves
+        both by less than they are apart.
         """
         self.left = int(_ROUGH_SHARE * self.budget)
+        fewer = self._truncated(point, other)
+        return (fewer is not None and self._meet(*fewer)) or self._meet(point, other)
+
+    def _meet(self, point: _Point, other: _Point) -> bool:
+        """Whether none of two solutions, each started from the other one, is a third one."""
         for here, there in ((point, other), (other, point)):
             again = self._again(here, self.gains(there.omega, there.count), there.omega)
             if again is not None and self._change(there, again) > max(there.error, LEAST_ERROR * self.tolerance):
                 return False
         return True
+
+    def _truncated(self, *points: _Point) -> list[_Point] | None:
+        """Two solutions with the low harmonics alone, where that moves both by less than they are apart."""
+        if max(point.count for point in points) <= _LOW:
+            return None
+        near, apart = list[_Point](), self._change(*points)
+        for point in points:
+            fewer = self._again(point, self.gains(point.omega, min(point.count, _LOW)))
+            if fewer is None or self._change(point, fewer) >= apart:
+                return None
+            near.append(replace(fewer, error=point.error))
+        return near
 
     def judged(self, point: _Point) -> float:
         """Error estimate of a solution, from one with fewer harmonics and a step with more."""

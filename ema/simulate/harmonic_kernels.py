@@ -13,6 +13,9 @@ from ema.simulate.bristle_kernels import bristle_period
 from ema.simulate.period_kernels import masing_period, turning_points
 from ema.simulate.quadrature_kernels import smooth_period
 
+_MOST_TURNS = 200
+"""Of GMRES: above 400 unknowns they take less than an elimination."""
+
 
 @inner
 def reach(amplitudes):
@@ -29,19 +32,19 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
 
     Without ``derive`` the Jacobian is not made.
 
-    period: odd orders, derivatives (2, sample, 2 H) of cos and sin over a period that serve to find the turning points,
-    a factor on the number of nodes, angular frequency. contact: stiffnesses, slip forces, and members (contact,
-    member), the contacts on whose motion the force of a contact depends, itself first, then -1. springs: as
-    ``ContactLaws.springs`` gives them. smooth: what ``ContactLaws.one_by_one`` gives. bristles: whether a contact has
-    LuGre's law, and the parameters of all. Either is None where no contact asks for it, and its quadrature is then not
+    period: odd orders, first and second derivative (2, contact, sample) of the motions over half a period with both
+    ends, to find the turning points, a factor on the number of nodes, angular frequency. contact: stiffnesses, slip
+    forces, and members (contact, member), the contacts on whose motion the force of a contact depends, itself first,
+    then -1. springs: as ``ContactLaws.springs`` gives them. smooth: what ``ContactLaws.one_by_one`` gives. bristles:
+    whether a contact has LuGre's law, and the parameters of all. Either is None where no contact asks for it, and its
+    quadrature is then not
     compiled.
     """
-    (orders, basis, fine, omega), (stiffness, limits, members) = period, contact
+    (orders, samples, fine, omega), (stiffness, limits, members) = period, contact
     (counts, shares_k, shares_f, first), (contacts, size) = springs, amplitudes.shape
     forces, jacobian = np.zeros((contacts, size)), np.zeros((contacts if derive else 1, members.shape[1], size, size))
     lost, slips = np.zeros(contacts), np.zeros(contacts, np.bool_)
     length, highest = 4 * orders[-1] + 8, 2 * orders[-1] + 1
-    samples = np.empty(basis.shape[1]), np.empty(basis.shape[1])
     room = np.empty(length), np.empty(length), np.empty((length, highest)), np.empty((length, highest))
     if smooth is not None:
         smooth[3][LIMIT] = limits
@@ -50,10 +53,8 @@ def contact_forces(amplitudes, period, contact, springs, smooth, bristles, deriv
         out = forces[i], jacobian[i if derive else 0, 0], derive
         if masing and reach(amplitudes[i]) <= limits[i] * first[i]:
             continue
-        matvec(basis[0], amplitudes[i], samples[0])
-        matvec(basis[1], amplitudes[i], samples[1])
         out[1][:] = 0.0
-        number = turning_points(wave, samples, room)
+        number = turning_points(wave, (samples[0, i], samples[1, i]), room)
         turns = number, room[0], room[1], room[2], room[3]
         if number < 2 or limits[i] <= 0.0:
             # without slip force, or without motion
@@ -181,9 +182,10 @@ def krylov_step(system, rest, coarse, forcing):
     ``system``: receptances Z, Jacobian, its members, who slips; ``coarse`` as in ``precondition``. Returns the step and
     the number of turns (-1: it takes too many).
     """
-    (gains, jacobian, members, slips), most, (contacts, width) = system, 80, rest.shape
+    (gains, jacobian, members, slips), (contacts, width) = system, rest.shape
+    most = min(contacts * width, _MOST_TURNS)
     zero, step = np.zeros((contacts, width)), np.zeros(contacts * width)
-    turned, held = np.zeros((most + 1, len(step))), np.empty((most, contacts, width))
+    turned, held = np.empty((most + 1, len(step))), np.empty((most, contacts, width))
     room = np.empty((coarse[0].shape[1], width)), np.empty((coarse[0].shape[1], width))
     triangle, target, seen = np.zeros((most + 1, most)), np.zeros(most + 1), np.empty(most)
     cosine, sine = np.zeros(most), np.zeros(most)

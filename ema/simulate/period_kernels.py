@@ -19,12 +19,17 @@ _CLOSE = 1e-7
 
 @fast
 def waves(x, count, cosine, sine):
-    """cos(n x) and sin(n x) for n = 0 ... count - 1."""
+    """cos(n x) and sin(n x) for n = 0 ... count - 1, eight at a time."""
     c, s = np.cos(x), np.sin(x)
     cosine[0], sine[0] = 1.0, 0.0
-    for n in range(1, count):
+    for n in range(1, min(count, 8)):
         cosine[n] = cosine[n - 1] * c - sine[n - 1] * s
         sine[n] = sine[n - 1] * c + cosine[n - 1] * s
+    if count > 8:
+        c, s = np.cos(8 * x), np.sin(8 * x)
+        for n in range(8, count):
+            cosine[n] = cosine[n - 8] * c - sine[n - 8] * s
+            sine[n] = sine[n - 8] * c + cosine[n - 8] * s
 
 
 @fast
@@ -32,7 +37,7 @@ def motion(amplitudes, orders, cosine, sine):
     """Displacement and its first three derivatives from the waves at an instant."""
     u, du, ddu, dddu = 0.0, 0.0, 0.0, 0.0
     for h in range(len(orders)):
-        n = orders[h]
+        n = 2 * h + 1  # = orders[h]; known so, the compiler reads several at a time
         a, b = amplitudes[2 * h], amplitudes[2 * h + 1]
         value, rate = a * cosine[n] + b * sine[n], n * (b * cosine[n] - a * sine[n])
         u += value
@@ -83,12 +88,12 @@ def turning_points(wave, samples, room):
     """Turning points of a motion in ascending order: places x, displacements and waves go to ``room``; returns how
     many there are.
 
-    ``samples`` of the first and second derivative over the whole period say where to look: where the rate changes its
-    sign, and where it comes close to zero in between. The motion turns half a period later at the opposite place: the
-    second half is mirrored.
+    ``samples`` of the first and second derivative over half a period, ends included, say where to look: where the rate
+    changes its sign, and where it comes close to zero in between. The motion turns half a period later at the opposite
+    place: the second half is mirrored.
     """
     (amplitudes, orders), (rates, bends), (place, value, cosine, sine) = wave, samples, room
-    highest, end = cosine.shape[1], len(rates) // 2
+    highest, end = cosine.shape[1], len(rates) - 1
     length, found, most = np.pi / end, 0, len(place) // 2 - 2
     for n in range(end):
         after, low, high = n + 1, n * length, (n + 1) * length
@@ -151,36 +156,49 @@ def _add_stretch(start, end, orders, weight, out):
 
 
 @fast
-def _products(orders, moments, out):
-    """Integrals of all products of cos(h x), sin(h x) from the moments of cos(n x), at n, and sin(n x), at n + 1."""
-    for i in range(len(orders)):
-        for j in range(i + 1):
-            a, b = orders[i], orders[j]
-            total, apart = a + b, abs(a - b)
-            sign = 1.0 if a >= b else -1.0
-            cc = 0.5 * (moments[apart] + moments[total])
-            ss = 0.5 * (moments[apart] - moments[total])
-            cs = 0.5 * (moments[total + 1] - sign * moments[apart + 1])
-            sc = 0.5 * (moments[total + 1] + sign * moments[apart + 1])
-            r, c = 2 * i, 2 * j
-            out[r, c], out[c, r] = cc, cc
-            out[r + 1, c + 1], out[c + 1, r + 1] = ss, ss
-            out[r, c + 1], out[c + 1, r] = cs, cs
-            out[r + 1, c], out[c, r + 1] = sc, sc
+def _forces(moments, constant, amplitudes, room, forces):
+    """Fourier coefficients (2 H,) of f - k u from the moments of the sliding stretches, and of the rest of the force.
+
+    ``moments`` of cos(2 q x) at 2 q and of sin(2 q x) behind it; they go to ``room`` as even and odd functions of q,
+    which begin at q = -H.
+    """
+    (even, odd), half, scale = room, len(amplitudes) // 2, 2.0 / np.pi
+    for q in range(2 * half):
+        even[half + q], odd[half + q] = 0.5 * scale * moments[2 * q], 0.5 * scale * moments[2 * q + 1]
+    for q in range(1, half + 1):
+        even[half - q], odd[half - q] = even[half + q], -odd[half + q]
+    for i in range(half):
+        above, below = scale * constant[2 * i], scale * constant[2 * i + 1]
+        for j in range(half):
+            apart, total, x, y = half + i - j, half + i + j + 1, amplitudes[2 * j], amplitudes[2 * j + 1]
+            above -= (even[apart] + even[total]) * x + (odd[total] - odd[apart]) * y
+            below -= (odd[total] + odd[apart]) * x + (even[apart] - even[total]) * y
+        forces[2 * i], forces[2 * i + 1] = above, below
 
 
 @fast
-def _add_memory(memory, orders, turns, jacobian):
-    """Add what stuck stretches owe to the turning points at which they began, with ``memory`` (turn, 2 H)."""
-    size, (number, _, _, cosine, sine) = memory.shape[1], turns
+def _derivatives(room, memory, orders, turns, jacobian):
+    """Their derivatives by the amplitudes: of sliding stretches, and what stuck ones owe to the turning points at which
+    they began, with ``memory`` (turn, 2 H); ``room`` as ``_forces`` leaves it."""
+    (even, odd), half, (number, _, _, cosine, sine) = room, len(orders), turns
+    for i in range(half):
+        above, below = jacobian[2 * i], jacobian[2 * i + 1]
+        for j in range(half):
+            apart, total = half + i - j, half + i + j + 1
+            above[2 * j], above[2 * j + 1] = -even[apart] - even[total], odd[apart] - odd[total]
+            below[2 * j], below[2 * j + 1] = -odd[total] - odd[apart], even[total] - even[apart]
     for m in range(number):
-        for r in range(size):
-            weight = memory[m, r]
-            if weight == 0.0:
-                continue
-            for h in range(size // 2):
-                jacobian[r, 2 * h] += weight * cosine[m, orders[h]]
-                jacobian[r, 2 * h + 1] += weight * sine[m, orders[h]]
+        owed = 0.0
+        for r in range(2 * half):
+            owed += abs(memory[m, r])
+        if owed == 0.0:
+            continue
+        for h in range(half):
+            even[2 * h], even[2 * h + 1] = cosine[m, orders[h]], sine[m, orders[h]]
+        for r in range(2 * half):
+            weight, row = -2.0 / np.pi * memory[m, r], jacobian[r]
+            for c in range(2 * half):
+                row[c] += weight * even[c]
 
 
 @inner
@@ -229,26 +247,18 @@ def _follow(spring, wave, turns, sums):
 def masing_period(law, wave, turns, out):
     """Fourier coefficients (2 H,) of f - k u of parallel Masing springs, their Jacobian; returns the loss.
 
-    law: stiffness, slip force, number of springs and their shares of both. out: both results, which are zero, and
-    whether the Jacobian is asked for; its place is workspace where it is not. The springs start unstressed and settle
-    during one period.
+    law: stiffness, slip force, number of springs and their shares of both. out: both results, and whether the Jacobian
+    is asked for. The springs start unstressed and settle during one period.
     """
     (stiffness, limit, count, shares_k, shares_f), (amplitudes, orders), (forces, jacobian, derive) = law, wave, out
-    size, highest, scale, lost = len(amplitudes), turns[3].shape[1], 2.0 / np.pi, 0.0
+    size, highest, lost = len(amplitudes), turns[3].shape[1], 0.0
     memory, moments, evens = np.zeros((turns[0], size)), np.zeros(highest + 1), np.arange(2, highest, 2)
     constant, before, here = np.zeros(size), np.empty(size), (np.empty(highest), np.empty(highest))
     for j in range(count):
         spring = stiffness * shares_k[j], limit * shares_f[j]
         lost += _follow(spring, wave, turns, (memory, constant, moments, evens, here, before))
-    _products(orders, moments, jacobian)
-    for r in range(size):
-        total = constant[r]
-        for c in range(size):
-            total -= jacobian[r, c] * amplitudes[c]
-        forces[r] = scale * total
+    room = np.empty(3 * size // 2), np.empty(3 * size // 2)
+    _forces(moments, constant, amplitudes, room, forces)
     if derive:
-        _add_memory(memory, orders, turns, jacobian)
-        for r in range(size):
-            for c in range(size):
-                jacobian[r, c] *= -scale
+        _derivatives(room, memory, orders, turns, jacobian)
     return 2.0 * lost

@@ -14,7 +14,7 @@ from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import is_number, positive
 from ema.simulate.harmonic import BUDGET, Branch, Condensed, _Point, condense
-from ema.simulate.turning_points import hidden_turns
+from ema.simulate.turning_points import SMOOTH, hidden_turns, unexplained
 from ema.simulate.verification import verified
 
 _NAMED = 5
@@ -144,7 +144,8 @@ def frf(
         if condensed.left < 0:
             ended.append((float(frequency), chosen.budget - condensed.left, point))
         if point is not None:
-            if before is not None and before.omega != point.omega:
+            apart = before is not None and before.omega != point.omega
+            if before is not None and apart and unexplained(condensed, before, point) > SMOOTH:
                 pair = before.omega / (2 * np.pi), float(frequency)
                 if not condensed.joins(point, before):
                     jumps.append(pair)

@@ -15,6 +15,8 @@ from ema.simulate.harmonic import Condensed, _Point, with_harmonics
 _UNEXPLAINED = 0.4
 """Distance of two states less what the mean of the slopes at both makes of it, over the largest of the three, from
 which on the curve between them is followed. At a cusp, where a fold begins, it is 2/3; where a grid is fine, near 0."""
+SMOOTH = 0.1
+"""The same up to which two states lie on one branch: another one would be closer by far than they are apart."""
 _NUDGE, _SHARE = 1e-6, 0.1
 """Relative change of the frequency for the slope; the share of the budget of a line that following takes at most."""
 _MOST_HARMONICS = 9
@@ -36,6 +38,8 @@ class ForcedCurve(ForcedMotion):
 
 def slope(condensed: Condensed, point: _Point) -> Float[np.ndarray, "contact size"]:
     """Derivative of the amplitudes (contact, 2 H) by the angular frequency in m s."""
+    if point.slope is not None:
+        return point.slope
     count, omega = point.count, point.omega
     gains, nudged = condensed.gains(omega, count), omega * (1 + _NUDGE)
     forces, jacobian, _, slips = condensed.contact_forces(point.amplitudes, omega, condensed.fine)
@@ -46,23 +50,23 @@ def slope(condensed: Condensed, point: _Point) -> Float[np.ndarray, "contact siz
         condensed.kernels.residual(point.amplitudes, condensed.drive(place, count), seen, pushed)
         for place, seen, pushed in ((nudged, condensed.gains(nudged, count), moved), (omega, gains, forces))
     )
-    return -condensed.newton_step(omega, gains, (jacobian, slips), (there - here) / (omega * _NUDGE))
+    point.slope = -condensed.newton_step(omega, gains, (jacobian, slips), (there - here) / (omega * _NUDGE))
+    return point.slope
 
 
-def explained(points: tuple[_Point, _Point], slopes: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether the slopes (contact, 2 H) at two solutions explain how far they are apart."""
-    size = min(point.amplitudes.shape[1] for point in points)
-    first, second = (point.amplitudes[:, :size] for point in points)
-    secant = (second - first) / (points[1].omega - points[0].omega)
-    ends = [slope[:, :size] for slope in slopes]
+def unexplained(condensed: Condensed, here: _Point, there: _Point) -> float:
+    """Distance of two solutions less what the mean of the slopes at both makes of it, over the largest of the three."""
+    size = min(point.amplitudes.shape[1] for point in (here, there))
+    secant = (there.amplitudes[:, :size] - here.amplitudes[:, :size]) / (there.omega - here.omega)
+    ends = [slope(condensed, point)[:, :size] for point in (here, there)]
     largest = max(float(np.linalg.norm(part)) for part in (secant, *ends))
-    return float(np.linalg.norm(secant - 0.5 * (ends[0] + ends[1]))) <= _UNEXPLAINED * largest
+    return float(np.linalg.norm(secant - 0.5 * (ends[0] + ends[1]))) / max(largest, 1e-300)
 
 
 def hidden_turns(condensed: Condensed, here: _Point, there: _Point) -> list[float]:
     """Frequencies in Hz between two solutions at which the curve turns back; none where their slopes explain it."""
     condensed.left = int(_SHARE * condensed.budget)
-    if explained((here, there), (slope(condensed, here), slope(condensed, there))):
+    if unexplained(condensed, here, there) <= _UNEXPLAINED:
         return []
     return turning_points(condensed, here, there) or []
 

@@ -63,13 +63,13 @@ WAVY = 1e-3 * np.array(
 
 def closed_form(amplitudes, limit):
     """Harmonics of f - k u with k = 1, in closed form."""
-    size = len(amplitudes)
-    angle = 2 * np.pi * np.arange(8 * ODD[-1] + 8)[:, None] / (8 * ODD[-1] + 8) * ODD
-    rates = np.stack([-ODD * np.sin(angle), ODD * np.cos(angle)], -1).reshape(-1, size)
-    bends = np.stack([-(ODD**2) * np.cos(angle), -(ODD**2) * np.sin(angle)], -1).reshape(-1, size)
+    angle = np.linspace(0.0, np.pi, 4 * ODD[-1] + 5)[:, None] * ODD
+    cosine, sine = amplitudes[::2], amplitudes[1::2]
+    rates = np.cos(angle) @ (ODD * sine) - np.sin(angle) @ (ODD * cosine)
+    bends = -np.cos(angle) @ (ODD**2 * cosine) - np.sin(angle) @ (ODD**2 * sine)
     forces, jacobian, lost, _ = contact_forces(
         amplitudes[None],
-        (ODD, np.array([rates, bends]), 1, 1.0),
+        (ODD, np.array([rates, bends])[:, None], 1, 1.0),
         (np.ones(1), np.array([limit]), np.zeros((1, 1), np.int64)),
         (np.ones(1, np.int64), np.ones((1, 1)), np.ones((1, 1)), np.ones(1)),
         None,

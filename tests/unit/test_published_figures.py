@@ -9,8 +9,26 @@ WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
     "archive",
+    "cold_starts",
     "joint_law",
     "joint_maps",
+    "simulate, first call, double_beam and damping_map",
+    "simulate, first call, double_beam and frf",
+    "simulate, first call, double_beam and snapback",
+    "simulate, first call, double_beam and snapback_reference",
+    "simulate, map, constant k_T",
+    "simulate, map, k_T(F_N)",
+    "simulate, peaks",
+    "simulate, point, 1000",
+    "simulate, point, 300",
+    "simulate, point, 4000",
+    "simulate, snap-back, 1000 N",
+    "simulate, snap-back, 4000 N",
+    "simulate, snap-back, 8000 N",
+    "simulate, steps",
+    "stated_errors, frequency",
+    "stated_errors, time",
+    "stated_errors, verified",
 }
 """Measured with an earlier version of the code, and their pages say so: an entry goes when its bench has run again."""
 
