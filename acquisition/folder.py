@@ -15,7 +15,8 @@ from acquisition.axes import LocalAxes
 from acquisition.campaign_file import CampaignFile, ChannelTable, LevelsTable, RunTable
 from acquisition.copied_files import copied_repeats, copies
 from acquisition.file_cache import Files, Take
-from acquisition.force import Span, against_other_runs, joint_forces, span_of
+from acquisition.force import Span, against_other_runs, joint_forces, nominal_forces, span_of
+from acquisition.force_levels import against_nominal_levels
 from acquisition.geometry_file import geometry_of
 from acquisition.repairs import Repairs
 from acquisition.scaling import (
@@ -136,7 +137,7 @@ def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: boo
         _note_skewed(described.channels_of(run), items[run.id], axes, f"{where}, run {run.id}")
     opening = _Opening(described, (folder, data), where, axes, repairs, Files(), progress, salvage)
     runs = tuple(opening.run(run, items[run.id]) for run in described.runs)
-    runs = against_other_runs(runs)
+    runs, about_levels = against_nominal_levels(against_other_runs(runs), nominal_forces(described.runs))
     repairs.refuse_unused()
     if geometry is not None:
         geometry = replace(geometry, axes=axes.apply(geometry))
@@ -158,6 +159,7 @@ def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: boo
             *described.former_names,
             *_outside_geometry(geometry, opening.dofs),
             *_copied_repeats(described.runs, items),
+            *about_levels,
         ),
         folder=str(folder),
         logo=str(_image(folder, header.logo, where, "logo")) if header.logo else "",

@@ -11,12 +11,10 @@ from jaxtyping import Float
 from acquisition import units
 from acquisition.campaign_file import JointTable, NormalForceTable, RunTable
 from acquisition.columns import column, moment, numbers, read_columns
+from acquisition.force_drift import drift_findings
 from ema.data import Finding, JointForce, Recording, Run
 from ema.errors import InputError
 from ema.messages import mark
-
-DRIFT_LIMIT = 0.05
-"""Drift over a run, as a fraction of the mean, up to which a normal force counts as constant."""
 
 STATED_LIMIT = 1.3
 """Ratio of the measured normal force to the nominal one, or its inverse, up to which the nominal one was reached.
@@ -28,10 +26,10 @@ SCATTER_LIMIT = 0.10
 
 _KILO = (300.0, 3000.0)
 _BLOCKS = 64
+_TENTH = 6
+"""Block means that are a tenth of a record."""
 _ENDS = 0.1
 _ROUNDING = 1e-12
-_NOISE = 5.0
-"""Standard errors by which the means of ten stretches differ at most by noise alone."""
 _OFTEN = 0.05
 """Share of the values of a trace from which on those of another unit are no single faults."""
 
@@ -91,8 +89,19 @@ def joint_forces(
         force, lost = _measured(table, channel, records, span, folders, f"{where}, joint {name}")
         findings += lost
         forces.append(replace(force, calibration=_calibration(cells.get(name))))
-    nominal = {name: units.measure(table.nominal, "force")[0] for name, table in stated.items() if table.nominal}
+    nominal = _nominal(run)
     return tuple(forces), (*findings, *_findings(forces, nominal, sampled, where))
+
+
+def nominal_forces(runs: Sequence[RunTable]) -> dict[str, dict[str, float]]:
+    """Nominal normal force in N of each joint that has one, by run."""
+    return {run.id: _nominal(run) for run in runs}
+
+
+def _nominal(run: RunTable) -> dict[str, float]:
+    return {
+        table.joint: units.measure(table.nominal, "force")[0] for table in run.normal_force if table.nominal is not None
+    }
 
 
 def against_other_runs(runs: Sequence[Run]) -> tuple[Run, ...]:
@@ -343,7 +352,7 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
         of_sensor = _sensor_findings(force, label, sampled=force.joint in sampled)
         findings += of_sensor
         if not any(finding.code == "normal-force-none" for finding in of_sensor):
-            findings += _drift_findings(force, label, sampled=force.joint in sampled)
+            findings += drift_findings(force, label, _TENTH if force.joint in sampled else None)
     known = [force for force in forces if force.known]
     mean = float(np.mean([force.mean for force in known])) if known else 0.0
     if len(known) > 1 and mean:
@@ -367,46 +376,6 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
                 )
             )
     return findings
-
-
-def _drift_findings(force: JointForce, place: str, *, sampled: bool) -> list[Finding]:
-    """A normal force that is another one at the end of the run, or that came back from another one."""
-    if not force.mean or not np.isfinite(force.drift):
-        return []
-    low, high = _slow_range(force.trace, 6 if sampled else None)
-    ended, moved = abs(force.drift / force.mean), (high - low) / abs(force.mean)
-    if ended > DRIFT_LIMIT:
-        said = f"drifted by {force.drift:+.3g} N during the run, {100 * ended:.1f} % of its mean of {force.mean:.4g} N"
-    elif moved > DRIFT_LIMIT:
-        said = f"moved between {low:.4g} and {high:.4g} N during the run, {100 * moved:.1f} % of its mean"
-    else:
-        return []
-    return [
-        Finding(
-            "warning",
-            "normal-force-drift",
-            place,
-            f"The normal force {said}.",
-            ended if ended > DRIFT_LIMIT else moved,
-            DRIFT_LIMIT,
-            "Let the joint settle, use a strain-gauge ring or re-zero at every point, and measure again.",
-        )
-    ]
-
-
-def _slow_range(trace: Float[np.ndarray, "sample"] | None, together: int | None) -> tuple[float, float]:
-    """Lowest and highest mean over ``together`` values (a tenth of all by default), less what noise does to them.
-
-    Six of the 64 block means of a record are a tenth of it.
-    """
-    if trace is None or len(trace) < 10:
-        return 0.0, 0.0
-    size = together or len(trace) // 10
-    means = trace[: len(trace) // size * size].reshape(-1, size).mean(axis=1)
-    noise = float(np.median(np.abs(np.diff(trace, 2)))) / 1.652 / np.sqrt(size)  # 1.652 = 0.6745 sqrt(6)
-    low, high = np.percentile(means, [2.5, 97.5])
-    shrunk = 0.5 * min(_NOISE * noise, high - low)
-    return float(low + shrunk), float(high - shrunk)
 
 
 def _against_nominal(force: JointForce, nominal: float | None, place: str) -> list[Finding]:

@@ -203,7 +203,7 @@ def check(
         opened = study.open(bars)
         opened = replace(opened, findings=opened.findings + repeat_findings(opened.runs))
         runs = [opened[name] for name in run] if run else list(opened.runs)
-        checked = [checking.checked(one, study.recipe.estimate, bars) for one in runs]
+        checked = [checking.checked(one, study.recipe.estimate, bars, study.recipe.fit) for one in runs]
     if json:
         screen.as_json(checking.as_mapping(opened, checked))
     else:

@@ -1,4 +1,4 @@
-"""What `ema check` looks at: a run up to its FRFs, without modes."""
+"""What `ema check` looks at: a run up to its FRFs, and what the phases of its modes say of its channels."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,11 +8,12 @@ from rich.table import Table
 
 from ema.cli.screen import show_findings, table
 from ema.data import AmplitudeDependentMode, Campaign, Finding, FrfSet, HitGallery, JointForce, Run
+from ema.errors import EmaError
 from ema.progress import Progress
 from ema.study import chain
 from ema.study.measured import frfs_of
 from ema.study.plain import amplitude_lines, amplitude_mode, finding, joint, number
-from ema.study.recipe import EstimateTable
+from ema.study.recipe import EstimateTable, FitTable
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,11 @@ class Checked:
     mode: AmplitudeDependentMode | None = None
 
 
-def checked(run: Run, settings: EstimateTable, progress: Progress) -> Checked:
+QUICK = 100_000
+"""Values (lines times FRFs) up to which FRFs are fitted for the delays of their channels: 6 s, twice the limit 12 s."""
+
+
+def checked(run: Run, settings: EstimateTable, progress: Progress, fit: FitTable | None = None) -> Checked:
     """Estimate the FRFs of a run and collect what a reader has to know."""
     from ema.estimate import amplitude_dependent_mode, quality
 
@@ -41,7 +46,22 @@ def checked(run: Run, settings: EstimateTable, progress: Progress) -> Checked:
     if run.kind == "unknown" and not run.frfs:
         return Checked(run, None, None, chain.unique((*run.findings, chain.excitation_finding(run))))
     frfs, hits = frfs_of(run, settings, progress)
-    return Checked(run, frfs, hits, chain.unique(run.findings + frfs.findings + quality(frfs, None, hits)))
+    turned = _turned(frfs, hits, fit or FitTable(), progress)
+    return Checked(run, frfs, hits, chain.unique(run.findings + frfs.findings + quality(frfs, None, hits) + turned))
+
+
+def _turned(frfs: FrfSet, hits: HitGallery | None, fit: FitTable, progress: Progress) -> tuple[Finding, ...]:
+    """Channels that are late or filtered, by the modes of the band; none where FRFs are many or cannot be fitted."""
+    from ema.estimate import without_dead
+
+    inside = frfs.band(*(fit.band or chain.default_band(frfs, hits)))
+    if inside.values.size > QUICK:
+        return ()
+    try:
+        _, modes = chain.fitted(without_dead(inside), fit, progress)
+    except EmaError:  # `ema run` says what hinders a fit; a check goes on with the next run
+        return ()
+    return tuple(one for one in modes.findings if one.code in ("channel-delay", "channel-high-pass"))
 
 
 def as_mapping(campaign: Campaign, runs: list[Checked]) -> dict[str, Any]:

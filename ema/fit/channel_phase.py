@@ -44,6 +44,9 @@ FURTHEST = 40.0
 ALIKE = 1.0
 """The same where there are two modes: both are turned to the imaginary axis by many a delay."""
 
+EXCLUDED = float(scipy.stats.chi2.isf(0.05, 1))
+"""Twice the logarithm of the likelihood ratio, over the scatter of a row's own, from which on 95 % exclude a value."""
+
 _STEP = 0.25
 """Turn of the highest mode [rad] between the delays that are tried."""
 _STEPS_OF_NEWTON = 5
@@ -238,16 +241,37 @@ def _explained(
             cost.append([misfit(real, level) + cause.surprise(omega, part) for level in levels])
         return np.asarray(grid[np.argmin(np.concatenate(cost, axis=1), axis=1), 0])
 
+    def stepped(
+        cause: _Cause, value: Float[np.ndarray, "start row"], level: np.ndarray
+    ) -> Float[np.ndarray, "start row"]:
+        """Values after a step of Gauss and Newton."""
+        (real, imaginary), slope = turned(cause, value), cause.slope(omega, value[..., None, None, :])
+        weight, along = level / (1 + level * real**2), slope * imaginary
+        change = np.sum(weight * real * along, axis=(-3, -2))
+        return np.asarray(value - change / np.maximum(np.sum(weight * along**2, axis=(-3, -2)), 1e-300))
+
     def refined(
         cause: _Cause, value: Float[np.ndarray, "start row"], level: np.ndarray
     ) -> tuple[Float[np.ndarray, "start row"], Float[np.ndarray, "start row"]]:
         """Values after steps of Gauss and Newton, and their cost."""
         for _ in range(_STEPS_OF_NEWTON):
-            (real, imaginary), slope = turned(cause, value), cause.slope(omega, value[..., None, None, :])
-            weight, along = level / (1 + level * real**2), slope * imaginary
-            change = np.sum(weight * real * along, axis=(-3, -2))
-            value = value - change / np.maximum(np.sum(weight * along**2, axis=(-3, -2)), 1e-300)
+            value = stepped(cause, value, level)
         return value, misfit(turned(cause, value)[0], level) + evidence + cause.surprise(omega, value)
+
+    def rivals(cause: _Cause, value: Float[np.ndarray, "row"], scatter: float, own: np.ndarray) -> np.ndarray:
+        """How far values lie off that explain a row as well, for the scatter of its own: a likelihood has many tops."""
+        level, grid = 1 / (FREEDOM * variance(scatter)), cause.grid(omega)[:, None]
+        least = misfit(turned(cause, value)[0], level) + cause.surprise(omega, value)
+        furthest = np.zeros(rows)
+        for begin in np.array_split(grid, -(-len(grid) * residues.size // _AT_ONCE)):
+            part = np.broadcast_to(begin, (len(begin), rows))
+            for _ in range(_STEPS_OF_NEWTON):
+                part = stepped(cause, part, level)
+            price = misfit(turned(cause, part)[0], level) + cause.surprise(omega, part)
+            with np.errstate(invalid="ignore"):
+                alike = price - least <= EXCLUDED * own
+            furthest = np.maximum(furthest, np.max(np.where(alike, np.abs(part - value), 0.0), axis=0))
+        return furthest
 
     first = [starts(cause) for cause in _CAUSES]
     tried = []
@@ -270,7 +294,12 @@ def _explained(
     known *= (FREEDOM + 1) / (FREEDOM + 3)
     left = np.array([turned(one, value)[0] ** 2 for one in _CAUSES])[cause, :, :, every]
     own = np.sum(left / variance(scatter).transpose(2, 0, 1), axis=(1, 2)) / max(modes * columns - 1, 1)
-    half = scipy.stats.t.isf(0.025, freedom) * np.sqrt(np.maximum(own, 1.0) / np.maximum(known, 1e-300))
+    own = np.maximum(own, 1.0)
+    half = scipy.stats.t.isf(0.025, freedom) * np.sqrt(own / np.maximum(known, 1e-300))
+    for number, one in enumerate(_CAUSES):
+        near = np.flatnonzero(cause == number)
+        if len(near):
+            half[near] = np.maximum(half[near], rivals(one, value, scatter, own)[near])
     return _Explained(cause, value, half, total)
 
 

@@ -1,5 +1,6 @@
 """Normal force per joint: from a channel, from side data, stated, unknown; and what is wrong with it."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -7,8 +8,11 @@ import numpy as np
 import pytest
 
 import acquisition
+from acquisition.force import Trace, drift
+from acquisition.force_drift import drift_findings
+from acquisition.force_levels import against_nominal_levels
 from ema import store
-from ema.data import Channel, Recording, Run
+from ema.data import Campaign, Channel, Condition, Finding, JointForce, Recording, Run
 from ema.errors import InputError
 
 START = datetime(2026, 11, 21, 10, 0, tzinfo=UTC)
@@ -169,13 +173,54 @@ def test_side_data_that_cannot_be_used_are_refused(tmp_path: Path, text: str, si
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_drift_above_five_per_cent_is_a_finding(tmp_path: Path) -> None:
-    for end, expected in ((1049, []), (1060, ["normal-force-drift"])):
+def test_drift_that_changes_damping_by_more_than_its_interval_is_a_finding(tmp_path: Path) -> None:
+    """A change by 0.9 % does to the damping of a joint what the intervals of a test hold."""
+    for end, expected in ((1009, []), (1060, ["normal-force-drift"])):
         side = "J1\n" + "\n".join(str(value) for value in np.linspace(1000, end, 101))
         run = opened(tmp_path, force(SIDE.replace("kN", "N")), side)
         assert codes(run) == expected
     finding = run.findings[0]
-    assert finding.limit == 0.05 and finding.value == pytest.approx(60 * 0.9 / 1030, rel=0.02)
+    assert finding.limit == 0.01 and finding.value == pytest.approx(60 * 0.9 / 1030, rel=0.02)
+
+
+def load_cell(rng: np.random.Generator) -> np.ndarray:
+    """Block means (64 of each record) of a constant force of 1 N: white and flicker noise, ripple of the shaker."""
+    rate, records, seconds = 1000.0, int(rng.integers(1, 6)), float(np.exp(rng.uniform(np.log(2), np.log(16))))
+    samples = int(rate * seconds)
+    spectrum = rng.standard_normal((2, 2 * samples * records + 1))
+    slow = np.fft.irfft((spectrum[0] + 1j * spectrum[1])[1:] / np.sqrt(np.arange(1, 2 * samples * records + 1)))
+    slow = (slow - slow[: samples * records].mean())[: samples * records]
+    time, low = np.arange(samples) / rate, float(np.exp(rng.uniform(np.log(10), np.log(80))))
+    high = low if rng.random() < 0.5 else 0.4 * rate
+    ripple = np.sin(2 * np.pi * (low * time + 0.5 * (high - low) * time**2 / seconds))
+    white, flicker, moving = np.exp(rng.uniform(np.log([1e-3, 2e-4, 1e-3]), np.log([0.03, 0.01, 0.1])))
+    signal = 1 + white * rng.standard_normal(samples * records) + flicker * slow / np.std(slow)
+    signal += moving * np.tile(ripple, records)
+    edges = np.concatenate([k * samples + np.linspace(0, samples, 65)[:-1].astype(int) for k in range(records)])
+    return np.asarray(np.add.reduceat(signal, edges) / np.diff([*edges, len(signal)]))
+
+
+def drifts(trace: np.ndarray, together: int | None = 6) -> list[Finding]:
+    times = np.arange(len(trace), dtype=float)
+    mean, std = float(np.mean(trace)), float(np.std(trace))
+    ended = drift(Trace(times, trace, mean, std))
+    return list(drift_findings(JointForce("J1", mean, std, ended, trace, times), "run", together))
+
+
+def test_a_constant_force_with_the_noise_of_a_load_cell_did_not_drift() -> None:
+    rng = np.random.default_rng(7300021)
+    traces = [load_cell(rng) for _ in range(200)]
+    assert sum(bool(drifts(trace)) for trace in traces) <= 2
+    drifted = [drifts(trace + 0.03 * np.linspace(-0.5, 0.5, len(trace))) for trace in traces]
+    assert sum(map(bool, drifted)) > 150
+
+
+def test_a_drift_of_three_per_cent_that_is_thirty_times_the_scatter_is_named() -> None:
+    rng = np.random.default_rng(7300022)
+    for count in (12, 20, 64, 640):
+        trace = 1000 + np.linspace(-15, 15, count) + rng.standard_normal(count)
+        (found,) = drifts(trace, 6 if count >= 64 else None)
+        assert found.value == pytest.approx(0.027, abs=0.004) and "its scatter explains" in found.message
 
 
 def test_scatter_between_joints_above_ten_per_cent_is_a_finding(tmp_path: Path) -> None:
@@ -295,3 +340,72 @@ def test_kilonewtons_of_one_run_are_noticed_by_the_others(tmp_path: Path) -> Non
         tmp_path, force('value = "1 N"') + more.replace('"300', '"10').replace('"1000', '"3000').replace("0.6", "100")
     )
     assert not any(codes(run) for run in acquisition.open_campaign(tmp_path).runs)
+
+
+def levels(path: Path, nominal: "list[float]", measured: "list[float]") -> Campaign:
+    """A campaign whose runs have these nominal normal forces and side data with these means, in N."""
+    base = BASE[: BASE.index("[[runs]]")]
+    (path / "raw").mkdir(exist_ok=True)
+    take = Recording(np.zeros((1, 100)), 100.0, (Channel("hammer"),), START)
+    rng = np.random.default_rng(8)
+    for number, (stated, mean) in enumerate(zip(nominal, measured, strict=True)):
+        store.save(path / "raw" / f"{number}.h5", replace(take, start=START + timedelta(seconds=60 * number)))
+        values = mean + 1e-3 * mean * rng.standard_normal(20)
+        (path / f"{number}.csv").write_text("J1\n" + "\n".join(f"{value:.4f}" for value in values))
+        base += f'[[runs]]\nid = "run {number}"\nkind = "hammer"\nfiles = "{number}.h5"\n'
+        base += force(f'file = "{number}.csv"\ncolumn = "J1"\nunit = "N"\nnominal = "{stated} N"')
+    (path / "campaign.toml").write_text(base)
+    return acquisition.open_campaign(path)
+
+
+def every(campaign: Campaign) -> list[str]:
+    return [one.code for one in (*campaign.findings, *(one for run in campaign.runs for one in run.findings))]
+
+
+@pytest.mark.parametrize("seed", [7300031, 7300032, 7300033])
+def test_a_zero_of_the_load_cell_is_named_with_its_interval(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    nominal = [100.0, 200.0, 400.0, 800.0, 1600.0]
+    zero, gain = rng.choice([-1, 1]) * rng.uniform(40, 60), rng.uniform(0.97, 1.03)
+    measured = [gain * force * (1 + 0.005 * rng.standard_normal()) + zero for force in nominal]
+    campaign = levels(tmp_path, nominal, measured)
+    assert every(campaign) == ["normal-force-zero"]
+    (found,) = campaign.findings
+    assert found.value is not None and found.limit is not None
+    assert abs(found.value - zero) < 2 * found.limit and found.limit < 0.3 * abs(zero)
+    assert "joint J1" in found.where and " ± " in found.message
+
+
+def test_runs_at_one_setting_count_once_for_the_zero() -> None:
+    """A bolt that is off by a fifth is so in all runs of its level: twelve runs are no twelve levels."""
+    rng = np.random.default_rng(7300034)
+    named = 0
+    for _ in range(300):
+        count = int(rng.integers(3, 7))
+        nominal = np.sort(rng.choice(np.geomspace(50, 3000, 12), count, replace=False))
+        scatter = np.exp(rng.uniform(np.log(0.01), np.log(0.2)))
+        set_to = nominal * rng.uniform(0.9, 1.1) * (1 + scatter * rng.standard_normal(count))
+        runs = [(n, k, level) for n, level in enumerate(nominal) for k in range(3)]
+        measured = [
+            Run(
+                f"{n} {k}",
+                Condition(joints=(JointForce("J1", abs(set_to[n]) * (1 + 1e-3 * rng.standard_normal())),)),
+            )
+            for n, k, _ in runs
+        ]
+        stated = {f"{n} {k}": {"J1": float(level)} for n, k, level in runs}
+        named += len(against_nominal_levels(measured, stated)[1])
+    assert named <= 9, "one in a hundred by its threshold"
+
+
+def test_exchanged_files_are_named_once(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7300035)
+    nominal = [100.0, 200.0, 400.0, 800.0, 1600.0]
+    measured = [force * (1 + 0.02 * rng.standard_normal()) for force in nominal]
+    assert every(levels(tmp_path, nominal, measured)) == []
+    measured[1], measured[3] = measured[3], measured[1]
+    campaign = levels(tmp_path, nominal, measured)
+    assert every(campaign) == ["normal-force-exchanged"]
+    assert "run 1" in campaign.findings[0].message and "run 3" in campaign.findings[0].message
+    measured[3] = 300.0
+    assert "normal-force-exchanged" not in every(levels(tmp_path, nominal, measured))

@@ -11,6 +11,8 @@ from ema.data import FrfSet, ModalModel, poles_from
 from ema.dof import Dof
 from ema.fit import modes, stabilise
 from ema.synthesis import frfs as synthesise
+from tests.bench import disturbances
+from tests.bench.cases import random_system
 
 NATURAL, ZETA = np.array([130.0, 214.0, 307.0, 421.0]), np.array([0.006, 0.01, 0.005, 0.008])
 FREQUENCIES = np.linspace(80.0, 480.0, 1601)
@@ -227,3 +229,22 @@ def test_the_page_on_faults_names_findings_that_exist() -> None:
     sources = "".join(one.read_text(encoding="utf-8") for one in (root / "ema").rglob("*.py"))
     assert len(rows) >= 11
     assert [code for code in rows if f'"{code}"' not in sources] == []
+
+
+@pytest.mark.parametrize("number", [47, 57, 173])
+def test_a_delay_that_others_explain_as_well_has_an_interval_that_holds_them(number: int) -> None:
+    """Complex modes of random structures: the best of several delays was another one, by up to 390 halves."""
+    case = random_system(7300001000 + number, modes=5 + number % 9, outputs=10, references=2, lines=801)
+    rng = np.random.default_rng([7300001, number, 1])
+    late = rng.choice(10, rng.integers(1, 6), replace=False)
+    top = 2 * np.pi * case.frfs.frequencies[-1]
+    delays = np.exp(rng.uniform(np.log(0.02), np.log(3), len(late))) / top * rng.choice([-1, 1], len(late))
+    values = case.clean.copy()
+    for row, delay in zip(late, delays, strict=True):
+        values[:, row] *= np.exp(-2j * np.pi * case.frfs.frequencies * delay)[:, None]
+    frfs = disturbances.noisy(rng, case, values).frfs
+    true = dict(zip((str(case.frfs.outputs[row]) for row in late), delays, strict=True))
+    found = [one for one in modes(frfs, stabilise(frfs)).findings if one.code == "channel-delay"]
+    assert found
+    for one in found:
+        assert abs(one.value - true[one.where.rpartition(" ")[2]]) < one.limit

@@ -60,7 +60,6 @@ IN_ENGLISH: dict[str, int] = {
     "acquisition/files/wav.py": 3,
     "acquisition/files/xlsx.py": 4,
     "acquisition/folder.py": 1,
-    "acquisition/force.py": 1,
     "acquisition/registry.py": 1,
     "acquisition/setups.py": 1,
     "ema/archive/adding.py": 2,

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from ema.cli.checking import checked
 from ema.data import Condition, Excitation, Finding, FrfSet, Run
 from ema.estimate import hammer, quality, shaker, sweep
 from ema.estimate.breaks import about_breaks, breaks
 from ema.estimate.stated_excitation import kind_of
 from ema.fit import modes, stabilise
+from ema.progress import silent
+from ema.study.recipe import EstimateTable
 from tests.unit import measured_signals as drawn
 
 ESTIMATES: dict[str, Callable[[Run], FrfSet]] = {"hammer": hammer, "random": shaker, "sweep": sweep}
@@ -65,6 +68,14 @@ def test_a_channel_one_sample_late_is_named_with_its_delay(seed: int, kind: str,
     assert found.code == "channel-delay" and "2:+Z" in found.where
     assert found.value == pytest.approx(1 / 2048, abs=0.05 / 2048)
     assert found.limit is not None and abs(found.value - 1 / 2048) < 3 * found.limit
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_check_names_late_channels_too(kind: str) -> None:
+    """It had fitted nothing, and said nothing of them."""
+    for fault, expected in ((late(2), ["2:+Z"]), (None, [])):
+        one = checked(run_of(7300041, kind, fault), EstimateTable(), silent)
+        assert [each.where.rpartition(" ")[2] for each in one.findings if each.code in PHASES] == expected
 
 
 @pytest.mark.parametrize("heavy", [False, True])
