@@ -32,7 +32,7 @@ class Checked:
 
 QUICK = 100_000
 """Values (lines times FRFs) up to which FRFs are fitted for the delays of their channels. Tests of two to five points
-take 0.7 s more (median of 88, at most 3 s); what larger ones take depends on their modes more than on their size.
+take 0.7 s more (median of 50, at most 3 s); what larger ones take depends on their modes more than on their size.
 A check with twice the limit names late channels of twice as many points."""
 
 
