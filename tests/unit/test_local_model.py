@@ -100,3 +100,24 @@ def test_a_force_that_does_not_act_in_a_block_is_left_out_there():
     for force in (0, 1):
         assert np.max(np.abs(found.values[:, :, force] - true)) < 1e-4
         assert np.all(found.weights[1 - force][:, :, force] == 0)
+
+
+def test_narrow_peaks_in_noise_are_not_made_wider():
+    """One peak of five lines with exact FRFs in noise of a tenth of it: the damping that the FRFs tell by least squares.
+
+    Weighted by the noise level of each line by itself it is 1 % too high; single draws scatter by 2 %, the mean of 300
+    by 0.12 %.
+    """
+    rng = np.random.default_rng([7, 5])
+    distance = np.arange(90) - 45
+    residues, peak = rng.normal(size=(12, 2)), 2.5
+    true = residues / (1j * distance[:, None, None] + peak) * peak
+    along = -residues / (1j * distance[:, None, None] + peak) ** 2 * peak
+    near = np.abs(distance) < 15
+    found = []
+    for _ in range(300):
+        force, error = ((rng.normal(size=(90, k)) + 1j * rng.normal(size=(90, k))) / np.sqrt(2) for k in (2, 12))
+        motion = (true @ force[:, :, None])[:, :, 0] + 0.1 * np.abs(residues).max() * error
+        wrong = (local_model([(force, motion)]).values - true)[near]
+        found.append(np.sum((along[near].conj() * wrong).real) / np.sum(np.abs(along[near]) ** 2) / peak)
+    assert abs(np.mean(found)) < 0.006
