@@ -12,7 +12,6 @@ OLDER = {
     "accuracy, listed",
     "archive",
     "cold_starts",
-    "hammer",
     "joint_law",
     "joint_maps",
     "simulate, first call, double_beam and damping_map",
