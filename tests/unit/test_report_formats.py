@@ -61,7 +61,7 @@ def test_word_holds_every_table_of_the_page(reports: Path):
 def test_pdf_holds_every_number_of_the_page(reports: Path):
     words = pdf_words(reports / "r.pdf")
     cells = {cell for table in Page(reports / "r.html").tables for row in table for cell in row}
-    assert "243.120 ± 0.010" in cells and "1018 ± 27" in cells
+    assert "243.1200 ± 0.0098" in cells and "1018 ± 27" in cells
     missing = [cell for cell in cells if re.sub(r"\s+", "", cell) not in words]
     assert missing == []
 
