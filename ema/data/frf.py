@@ -78,6 +78,9 @@ class FrfSet(Container):
     effective_lines : array of shape (freq,), optional
         Lines whose data each value rests on where neighbouring lines were smoothed together: the variance that a line
         by itself would have is as many times larger. ``None`` where each line is estimated by itself.
+    output_correlation : array of shape (freq, in), optional
+        Correlation of the errors of different outputs along the FRFs of an input: the variance of n outputs together is
+        ``1 + (n - 1) r`` times that of outputs that err independently. ``None`` where it is not known.
 
     Examples
     --------
@@ -107,6 +110,7 @@ class FrfSet(Container):
     window: str = ""
     set_ups: SetUps | None = None
     effective_lines: Float[np.ndarray, "freq"] | None = None
+    output_correlation: Float[np.ndarray, "freq in"] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.values, Window):  # values computed from those of a set in a file
@@ -123,6 +127,7 @@ class FrfSet(Container):
             variance=np.float64,
             averages=np.float64,
             effective_lines=np.float64,
+            output_correlation=np.float64,
         )
         check_axes(self)
 
@@ -287,6 +292,7 @@ class FrfSet(Container):
             variance=None if self.variance is None else self.variance[keep],
             deviations=None if self.deviations is None else self.deviations.lines(keep),
             effective_lines=None if self.effective_lines is None else self.effective_lines[keep],
+            output_correlation=None if self.output_correlation is None else self.output_correlation[keep],
         )
 
     def band(self, low: float, high: float) -> "FrfSet":
@@ -360,6 +366,7 @@ class FrfSet(Container):
             averages=None if self.averages is None else self.averages[rows][:, columns],
             deviations=None if self.deviations is None else self.deviations.pick(rows, columns),
             set_ups=None if self.set_ups is None else self.set_ups.pick(rows, columns),
+            output_correlation=None if self.output_correlation is None else self.output_correlation[:, columns],
         )
 
     def label(self, output: int, input_: int) -> str:

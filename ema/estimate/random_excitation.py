@@ -210,7 +210,7 @@ def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tup
         )
     if kept.mean() > 0.99:
         return parts, ()
-    along = ("frequencies", "values", "coherence", "variance", "effective_lines")
+    along = ("frequencies", "values", "coherence", "variance", "effective_lines", "output_correlation")
     cut = {name: parts[name][kept] for name in along if parts.get(name) is not None}
     deviations = parts.get("deviations")
     if deviations is not None:
@@ -264,7 +264,7 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     weights: Any = 0.0
     noise: Any = 0.0
     power: Any = 0.0
-    effective: list[tuple[int, Any]] = []
+    effective: list[tuple[int, Any, Any]] = []
     single = SingleBlocks()
     for names, blocks in _together(run, records, length, progress):
         estimate = local_model.local_model(blocks)
@@ -273,10 +273,11 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         weight = np.where(np.isfinite(estimate.variance), 1 / np.maximum(estimate.variance, 1e-300), 0.0)
         weighted, weights = weighted + weight * estimate.values, weights + weight
         noise, power = noise + estimate.noise, power + estimate.power
-        effective.append((len(blocks), estimate.effective_lines))
+        effective.append((len(blocks), estimate.effective_lines, estimate.correlation))
     _driven(weights, layout.inputs, channels.describe(run))
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
     values = weighted / weights
+    counts = [count for count, _, _ in effective]
     return {
         "frequencies": np.arange(1, length // 2) * first.sampling_rate / length,
         "values": values,
@@ -284,9 +285,8 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         "variance": 1 / weights,
         "averages": np.full(values.shape[1:], float(single.count)),
         "deviations": _deviations(values, single),
-        "effective_lines": np.average(
-            [lines for _, lines in effective], axis=0, weights=[count for count, _ in effective]
-        ),
+        "effective_lines": np.average([lines for _, lines, _ in effective], axis=0, weights=counts),
+        "output_correlation": np.average([alike for _, _, alike in effective], axis=0, weights=counts),
         "findings": about_records(
             single, [first.channels[row].name for row in layout.responses], channels.describe(run)
         ),

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import Finding, FrfSet, ModalModel, ModalUncertainty, Residuals
 from ema.dof import Dof, match
-from ema.fit import estimator, model, noise, refinement, scatter, uncertainty
+from ema.fit import estimator, model, noise, output_correlation, refinement, scatter, uncertainty
 from ema.fit.compression import Compressed, slabs
 from ema.fit.estimator import FewerTerms, Fit, Observations
 from ema.fit.prepare import Prepared
@@ -303,7 +303,7 @@ def full_set(
             break
         at = final
     used = sums.used
-    refined, flat = _with_scatter(sums, final, start, possible, effective_lines=band.effective_lines)
+    refined, flat = _with_scatter(sums, final, start, possible, band=band)
     errors = replace(
         uncertainty.errors_of(replace(refined, fit=_bare(final, final.shapes[:0], final.rest[:0]))),
         scatter=_scatter(sums, refined),
@@ -337,14 +337,18 @@ def _with_scatter(
     start: _Start,
     possible: Bool[np.ndarray, "pole"],
     *,
-    effective_lines: Float[np.ndarray, "freq"] | None,
+    band: FrfSet,
 ) -> tuple[Refined, Observations]:
     """The optimum with what its intervals rest on, and the observations of the sample."""
     packed, optimum = start.packed, start.optimum
     flat, begin = start.of(packed.sample, packed.rows, np.arange(len(packed.rows)))
     at_sample = _evaluated(flat, final, sums.used, (begin.shapes, begin.rest[..., : sums.used]))[0]
+    effective_lines = band.effective_lines
     by_themselves = None if effective_lines is None else flat.weights / effective_lines[-len(flat.s) :]
     of_poles, of_shapes = refinement.loss(flat, at_sample, by_themselves)
+    if band.output_correlation is not None and band.inputs == packed.frfs.inputs:
+        alike = band.output_correlation[-len(flat.s) :, start.columns].T
+        of_poles = of_poles * output_correlation.factor(flat, at_sample, alike, int(np.count_nonzero(packed.alive)))
     at_peaks = refinement.misfit_at_peaks(flat, at_sample) if optimum.misfit else np.ones(len(final.poles))
     factor = sums.factor(sums.used)
     change = scatter.Changes.of(sums.all_terms, factor, factor * of_poles)

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from ema.data import damping_ratios
-from ema.fit import estimator
+from ema.fit import estimator, output_correlation
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
 from ema.fit.line_correlation import LineCorrelation
@@ -48,7 +48,7 @@ def narrow_peaks(
     factor = max(fit.variance_factor(data), np.finfo(float).tiny)
     energy = estimator.profile(data, fit)[0].mean(axis=0) / (2 * factor)
     frfs, lines = data.outputs * data.references, LineCorrelation.of_noise(data, fit)
-    limit = factor * passes_for_mode(2 * (data.outputs + data.references), len(data.s))
+    limit = factor * output_correlation.limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
     sharp = fit.poles[-2 * fit.poles.real <= data.line]
     found: list[tuple[float, complex, np.ndarray]] = []
     for line, width in _prominent(energy, frfs):

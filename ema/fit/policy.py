@@ -89,7 +89,7 @@ POLICY = SelectionPolicy()
 """The policy of this version."""
 
 
-def passes_for_mode(freedom: int, lines: int) -> float:
+def passes_for_mode(freedom: float, lines: int) -> float:
     """Energy that a mode of so many unknowns fitted to noise exceeds somewhere in the band with the false-alarm
     probability.
     """

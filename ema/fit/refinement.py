@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import FrfSet, damping_ratios
-from ema.fit import estimator, model, noise, scatter, search
+from ema.fit import estimator, model, noise, output_correlation, scatter, search
 from ema.fit.compression import SAMPLE
 from ema.fit.estimator import Fit, Observations
 from ema.fit.line_correlation import LineCorrelation, sample
@@ -92,6 +92,8 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
     fit = estimator.with_orthogonal_matrices(flat, fit)
     factor = fit.variance_factor(flat)
     of_poles, of_shapes = loss(flat, fit, _by_themselves(flat, data.derivative, band, known))
+    alike = output_correlation.of_references(band, data, flat, known_variance(band, data)[0])
+    of_poles = of_poles * output_correlation.factor(flat, fit, alike, flat.outputs)
     between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
     basis += of_what
     at_peaks = misfit_at_peaks(flat, fit) if misfit else np.ones(len(fit.poles))
@@ -140,7 +142,7 @@ def with_weak(optimum: Refined, chosen: Selection, band: tuple[float, float]) ->
         if not count:
             continue
         larger = estimator.refine(data, estimator.with_modes(data, fit, poles[:count], vectors[:count]), _ITERATIONS)
-        noise = search.passes_for_weak(2 * (data.outputs + data.references)) * fit.variance_factor(data)
+        noise = output_correlation.limit(data, fit, search.passes_for_weak) * fit.variance_factor(data)
         required = noise * float(np.sum(lines.factor(poles[:count])))
         sound = np.all(larger.poles.real < 0) and np.all(larger.share >= estimator.RANK)
         if sound and fit.cost - larger.cost > required:
@@ -159,7 +161,7 @@ def without_needless(
     """
     fit, data = optimum.at_optimum, optimum.data
     factor = fit.variance_factor(data)
-    noise = search.passes_for_weak(2 * (data.outputs + data.references)) * factor
+    noise = output_correlation.limit(data, fit, search.passes_for_weak) * factor
     required = noise * LineCorrelation.of_noise(data, fit).factor(fit.poles)
     uncertain = np.sqrt(np.maximum(estimator.covariance(fit, factor)[:, 1, 1], 0)) / damping_ratios(fit.poles)
     doubtful = np.flatnonzero(possible & (uncertain > POLICY.damping_uncertainty))
@@ -344,13 +346,12 @@ def _pruned(
     whether it is a mode is judged at the end.
     """
     dropped: tuple[Dropped, ...] = ()
-    unknowns = 2 * (data.outputs + data.references)
     while True:
         share = estimator.gains(data, fit) / max(fit.variance_factor(data), 1e-300)
         share /= LineCorrelation.of_noise(data, fit).factor(fit.poles)
-        background = unknowns + estimator.DOUBT * np.sqrt(2 * unknowns)
-        in_band = search.passes_for_weak(unknowns) * caution(fit.poles, fit.poles, data.line)
-        share /= np.where(chosen.possible[kept], in_band, background)
+        at_its_place = output_correlation.limit(data, fit, lambda n: n + estimator.DOUBT * np.sqrt(2 * n))
+        in_band = output_correlation.limit(data, fit, search.passes_for_weak) * caution(fit.poles, fit.poles, data.line)
+        share /= np.where(chosen.possible[kept], in_band, at_its_place)
         gone: list[int] = []
         for k in np.argsort(share):
             if share[k] > 1:

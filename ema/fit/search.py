@@ -7,7 +7,7 @@ import scipy.stats
 from jaxtyping import Complex, Float
 
 from ema.data import damping_ratios, natural_frequencies
-from ema.fit import estimator
+from ema.fit import estimator, output_correlation
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
 from ema.fit.line_correlation import LineCorrelation
@@ -194,27 +194,28 @@ def weak(
     final, optimum : every line of every FRF with its own noise: the best of them are judged there.
     lines : how that noise correlates over lines.
     """
-    references, outputs = data.references, final.outputs
     noise = Noise.of(data, fit)
     trials = np.concatenate([over_band(band, peaks(data, noise.power.mean(axis=0))), around(fit, band)])
     gain, vectors = mode_gains(data, fit, trials)
     merit = gain / noise.explains(data, trials, vectors, fit, gain)
     best = apart(trials, merit / max(float(merit.min()) * (1 - 1e-9), 1e-300), _AGAIN, reach=1.0)
     trials, vectors = trials[best], vectors[best]
-    required = passes_for_weak(2 * (outputs + references)) * optimum.variance_factor(final) * lines.factor(trials)
+    noise_of_one = output_correlation.limit(final, optimum, passes_for_weak) * optimum.variance_factor(final)
+    required = noise_of_one * lines.factor(trials)
     gain = gains_at(final, optimum, trials, vectors)
     chosen = apart(trials, gain / (required * caution(trials, optimum.poles, final.line)), _WEAK)
     return trials[chosen], vectors[chosen]
 
 
-def passes_for_weak(freedom: int) -> float:
+def passes_for_weak(freedom: float) -> float:
     """Energy that noise hardly explains at the best of all trial poles (Bonferroni), for so many unknowns."""
     return float(scipy.stats.chi2.isf(_CHANCE / _TRIED, freedom))
 
 
 def evidence(data: Observations, fit: Fit) -> Float[np.ndarray, "pole"]:
     """Energy that each pole explains over what a mode has to explain, for it does so somewhere in noise."""
-    level = passes_for_mode(2 * (data.outputs + data.references), len(data.s)) * fit.variance_factor(data)
+    level = output_correlation.limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
+    level *= fit.variance_factor(data)
     noise = level * LineCorrelation.of_noise(data, fit).factor(fit.poles) * caution(fit.poles, fit.poles, data.line)
     return np.asarray(estimator.gains(data, fit) / np.maximum(noise, 1e-300))
 
@@ -241,8 +242,7 @@ class Noise:
     @classmethod
     def of(cls, data: Observations, fit: Fit) -> "Noise":
         """The noise that the residual of ``fit`` shows."""
-        references, outputs = data.references, data.outputs
-        limit = passes_for_mode(2 * outputs + 2 * references, len(data.s))
+        limit = output_correlation.limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
         power = estimator.profile(data, fit)[0]
         factor, scale = fit.variance_factor(data), max(float(power.mean()), 1e-300)
         factor = max(factor, 1e-300)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import PoleTable, damping_ratios, natural_frequencies
-from ema.fit import estimator
+from ema.fit import estimator, output_correlation
 from ema.fit.candidates import Candidates, inside, like_modes, of_table, zoom
 from ema.fit.estimator import Fit, Observations, Work
 from ema.fit.line_correlation import LineCorrelation
@@ -329,9 +329,9 @@ def _again(data: Observations, fit: Fit) -> Fit:
     return estimator.determined(data, again)[0]
 
 
-def _threshold(data: Observations, unknowns: int) -> float:
+def _threshold(data: Observations, fit: Fit) -> float:
     """Energy that a mode fitted to noise alone exceeds, anywhere in the band, with the false-alarm probability."""
-    return passes_for_mode(2 * data.outputs + unknowns, len(data.s))
+    return output_correlation.limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
 
 
 def _eliminate(
@@ -342,7 +342,7 @@ def _eliminate(
     dropped: list[Dropped],
 ) -> Fit:
     """Take out, one after the other, what noise or misfit explains and what repeats a neighbour."""
-    limit = _threshold(data, 2 * len(fit.participation))
+    limit = _threshold(data, fit)
     for _ in range(_ROUNDS):
         if not len(fit.poles):
             break
@@ -467,7 +467,7 @@ def _alone(
     factor = fit.variance_factor(data)
     covariance = estimator.covariance(fit, factor)
     frequency, damping = np.sqrt(covariance[:, 0, 0]), np.sqrt(covariance[:, 1, 1])
-    unnoticed = np.sqrt(_threshold(data, 2 * len(fit.participation)) - 2 * data.outputs)
+    unnoticed = np.sqrt(_threshold(data, fit) - 2 * data.outputs)
     ratio = np.maximum(damping_ratios(fit.poles), 1e-300)
     displaced = np.minimum(unnoticed * np.hypot(frequency / natural_frequencies(fit.poles), damping) / ratio, 1)
     # Narrower than a few lines, a mode overlaps with nothing.

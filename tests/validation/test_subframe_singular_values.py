@@ -92,13 +92,17 @@ def one_mode(model, mode, like):
     return synthesis.frfs(alone, like.frequencies, like.quantity, outputs=like.outputs, inputs=like.inputs)
 
 
-def test_468_hz_is_a_line_on_a_flat_top_and_the_pole_lies_at_467_2_hz(hann, sharp):
+def test_468_hz_is_a_line_on_a_flat_top_and_the_pole_lies_below(run, hann, sharp):
+    """Averages under a Hann window of twice the length put the pole at 467.25 and 467.27 Hz, 0.03 Hz uncertain."""
+    longer = estimate.shaker(run, method="welch", block=4096)
     top = hann.band(466.9, 468.1)
     values = singular_values(top)[:, 0]
     assert list(top.frequencies) == [467.0, 467.5, 468.0]
     assert top.frequencies[values.argmax()] == 468.0, "the value of the list"
     assert values.min() > 0.95 * values.max(), "but the lines below are as high"
     for low, high in ((440, 500), (455, 480)):
-        band = sharp.band(low, high)
-        model = fit.modes(band, fit.stabilise(band), near=[467.2])
-        assert model.natural_frequencies == pytest.approx([467.2], abs=0.15)
+        smooth, found = (
+            fit.modes(one, fit.stabilise(one), near=[467.2]) for one in (longer.band(low, high), sharp.band(low, high))
+        )
+        assert smooth.natural_frequencies == pytest.approx([467.25], abs=0.05)
+        assert found.natural_frequencies == pytest.approx(smooth.natural_frequencies, abs=0.15)
