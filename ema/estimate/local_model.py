@@ -49,6 +49,11 @@ _RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 """Power of the noise that passes through the structure over that of the sensors, on the average of the lines around a
 line: from none to no other. Between two of them an estimate loses next to nothing."""
 
+_SEEN = 0.5
+"""Gain of the logarithmic likelihood of a line, averaged as the noise levels are, from which on noise passes through
+the structure. Noise of sensors alone gains 0.1 on one line of twenty; a force beside the measured one that is 0.3 %
+as strong gains 10 near the peaks of twelve responses."""
+
 _START = 0.1
 """Damping of the first step, in units of the prior ``1 / (1 + |a|^2)``."""
 
@@ -261,7 +266,9 @@ def _line_weights(
         ]
     )
     likelihood = scipy.ndimage.uniform_filter1d(likelihood, _LEVEL * powers.shape[1], axis=1, mode="nearest")
-    return np.asarray(1 / (1 + np.array(_RATIOS)[np.argmax(likelihood, axis=0)][:, None] * gain))
+    seen = np.max(likelihood, axis=0) > likelihood[0] + _SEEN
+    ratio = np.where(seen, np.array(_RATIOS)[np.argmax(likelihood, axis=0)], 0.0)
+    return np.asarray(1 / (1 + ratio[:, None] * gain))
 
 
 def _gain(
