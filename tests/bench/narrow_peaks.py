@@ -66,11 +66,14 @@ def least_std(pole, noise, spectra, s):
 
 
 def compared(seed: int, lines: int) -> tuple[float, np.ndarray]:
-    """Stated over least standard deviation of the frequency, and errors of f and damping over what is stated."""
+    """Stated over least standard deviation of the frequency, and errors of f and damping over what is stated; NaN where
+    no mode was found."""
     run, pole, noise, spectra, s = narrow_peak(seed, lines)
     frfs = shaker(run).band(15.0, 35.0)
     modes = ema.fit.modes(frfs, ema.fit.stabilise(frfs))
     natural = abs(pole) / (2 * np.pi)
+    if not len(modes.poles):
+        return np.nan, np.full(2, np.nan)
     nearest = int(np.argmin(np.abs(modes.natural_frequencies - natural)))
     stated = np.sqrt(modes.covariance[nearest, [0, 1], [0, 1]])
     errors = np.array(
@@ -87,10 +90,12 @@ def main() -> None:
     options = parser.parse_args()
     for lines in map(int, options.lines.split(",")):
         ratios, errors = zip(*(compared(seed, lines) for seed in range(options.draws)), strict=True)
-        inside, rms = np.mean(np.abs(errors) <= 1.96, axis=0), np.sqrt(np.mean(np.square(errors), axis=0))
+        kept = np.array(errors)[np.isfinite(ratios)]
+        inside, rms = np.mean(np.abs(kept) <= 1.96, axis=0), np.sqrt(np.mean(np.square(kept), axis=0))
         print(
-            f"{lines} lines: stated over the bound {np.median(ratios):.2f}; rms error over stated: f {rms[0]:.2f}, "
-            f"zeta {rms[1]:.2f}; inside: f {inside[0]:.0%}, zeta {inside[1]:.0%}",
+            f"{lines} lines: stated over the bound {np.nanmedian(ratios):.2f}; rms error over stated: f {rms[0]:.2f}, "
+            f"zeta {rms[1]:.2f}; inside: f {inside[0]:.0%}, zeta {inside[1]:.0%}; "
+            f"no mode in {len(errors) - len(kept)} of {len(errors)}",
             flush=True,
         )
 
