@@ -8,10 +8,7 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
-    "accuracy, case",
     "accuracy, cost",
-    "accuracy, residues",
-    "accuracy, small",
     "accuracy, systems",
     "archive",
     "cold_starts",
