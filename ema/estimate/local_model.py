@@ -30,29 +30,31 @@ CHUNK = 2048
 """Lines of all blocks that are solved together, at least sixteen of each: some 40 MB for every 64 responses."""
 
 STEPS = 12
-"""Gauss-Newton steps at most. After four of them peaks in much noise (a third of the peak) are still 5 to 10 % low;
-what twelve have not settled moves values by little."""
+"""Gauss-Newton steps at most, with equal weights and again with those of the lines. After four of them peaks in much
+noise (a third of the peak) are still 5 to 10 % low (measured with equal weights alone)."""
 
 _SETTLED = 0.002
 """Gain of twice the log-likelihood below which no further step is made: it moves values by a twentieth of their
 standard deviation at most. What is left has the same sign on all lines of a peak, for steps begin where it is low: in
 noise of a fifth of a peak of 40 lines its damping ratio is read too high by 0.51 of the standard deviation of a fit
-with 0.02 and 8 steps, by 0.36 with these, by 0.28 with 0.0005 and 20 steps in a quarter more time (20 draws)."""
+with 0.02 and 8 steps, by 0.36 with these, by 0.28 with 0.0005 and 20 steps in a quarter more time (20 draws; with the
+unrestricted likelihood and equal weights)."""
 
 _LEVEL = 3
 """Models of a line, side by side, over whose lines the noise level is averaged that weights a response for the common
 denominator. That of one line has a dozen degrees of freedom of the same residuals, to which the start adds its misfit
 where a response is strong: weighted by it, peaks of 5 and 13 lines in noise of a tenth of the peak are 1.3 and 0.4 %
-too wide, with the average 0.3 and 0.1 %."""
+too wide, with the average 0.3 and 0.1 % (with the unrestricted likelihood and equal weights)."""
 
 _RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 """Power of the noise that passes through the structure over that of the sensors, on the average of the lines around a
-line: from none to no other. Between two of them an estimate loses next to nothing."""
+line: from none to no other."""
 
 _SEEN = 0.5
 """Gain of the logarithmic likelihood of a line, averaged as the noise levels are, from which on noise passes through
-the structure. Noise of sensors alone gains 0.1 on one line of twenty; a force beside the measured one that is 0.3 %
-as strong gains 10 near the peaks of twelve responses."""
+the structure. Noise of sensors alone gains 0.1 on one line of twenty, and 0.5 on 0.4 % of the lines at most (peaks of
+1, 4 and 16 lines); a force beside the measured one, 0.3 % as strong, gains 9 on a quarter of the lines of twelve
+responses in blocks of 1024 samples, and 2 on one line of twenty in blocks of 4096."""
 
 _START = 0.1
 """Damping of the first step, in units of the prior ``1 / (1 + |a|^2)``."""
