@@ -5,6 +5,7 @@ The share of the work that slip dissipates is the simulator's energy balance.
 """
 
 from dataclasses import replace
+from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -14,18 +15,12 @@ from ema.compare.linearity import LevelDependence, _decided, level_dependence, l
 from tests.bench import linearity as bench
 
 
-def friction(share: float, seed: int) -> bench.Drawn:
-    """The first table of a seed whose slip takes ``share`` or more of the work."""
-    for number in range(20):
-        table = bench.friction_table(np.random.default_rng([seed, number]))
-        if table.share >= share:
-            return table
-    raise AssertionError("no such table among 20")
-
-
 @pytest.fixture(scope="module")
 def slipping() -> bench.Drawn:
-    return friction(0.05, 2024)
+    """A table whose slip takes a twentieth of the work or more; of table 0 of this seed it takes 0.3 %."""
+    table = bench.friction_table(np.random.default_rng([2024, 1]))
+    assert table.share >= 0.05
+    return table
 
 
 def test_a_table_that_loses_a_twentieth_of_the_impact_by_slip_is_named(slipping):
@@ -93,6 +88,30 @@ def test_the_interval_of_the_slope_holds_it(scatter):
     intervals = [made(0.05, scatter, seed).interval for seed in range(16)]
     assert sum(low <= 0.05 <= high for low, high in intervals) >= 14
     assert np.median([high - low for low, high in intervals]) < 0.05
+
+
+@pytest.mark.parametrize("hits", [(3, 3, 3), (2, 3, 3, 2)])
+def test_the_chance_is_the_share_of_all_interchanges_that_explain_as_much(hits, monkeypatch):
+    """All orders of the levels on every point, one after the other; 4000 draws have the share to five standard errors. A
+    point struck once tells nothing."""
+    monkeypatch.setattr("ema.compare.linearity._SURE", 4001)
+    rng = np.random.default_rng(12)
+    points = np.repeat(np.arange(len(hits) + 1), (*hits, 1))
+    level = np.exp(rng.uniform(-0.3, 0.3, len(points)))
+    values = 1 + (0.02 * np.log(level) + rng.normal(scale=0.005, size=len(points))) * np.exp(0.4j)
+    one = np.ones((len(points), 1))
+    found = level_dependence(values[:, None], 1e-12 * one, one, level, points.tolist())
+    x, z = np.log(level), values.copy()
+    for point in range(len(hits)):
+        rows = points == point
+        x[rows] -= x[rows].mean()
+        z[rows] = values[rows] / values[rows].mean()
+    orders = [[x[points == point][list(order)] for order in permutations(range(n))] for point, n in enumerate(hits)]
+    parts = [np.array([order @ z[points == point] for order in each]) for point, each in enumerate(orders)]
+    sums = np.abs([sum(one) for one in product(*parts)])
+    share = np.mean(sums >= abs(sum(part[0] for part in parts)) * (1 - 1e-9))
+    assert 0.005 < share < 0.5
+    assert found.chance == pytest.approx(share, abs=5 * np.sqrt(share * (1 - share) / 4000) + 1 / 4000)
 
 
 def test_scatter_that_does_not_follow_the_level_decides_nothing():
