@@ -54,6 +54,33 @@ def datasets() -> Path:
     return folder
 
 
+@pytest.fixture
+def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports are drawn elsewhere: here a blank page will do."""
+    import ema.report
+
+    monkeypatch.setattr(
+        ema.report,
+        "write",
+        lambda result, path, formats=(), language="en": Path(path).write_text("blank"),
+        raising=False,
+    )
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made and not rendered, for tests that read words."""
+    from tests.unit.report_page import BLANK
+
+    monkeypatch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))
+
+
+@pytest.fixture
+def unfitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`ema check` without the fit by which it looks for late channels, for tests of what else it says."""
+    monkeypatch.setattr("ema.cli.checking.QUICK", 0)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with slow tests first, then the other comparisons with truth: the files that several processes end with are
     short, and none waits long for another.

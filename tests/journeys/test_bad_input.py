@@ -26,7 +26,7 @@ FRFS = HAMMER.replace("{point}", "1") + RUN.replace('kind = "hammer"\n', "")
 
 
 @pytest.fixture
-def command(capsys: pytest.CaptureFixture[str]) -> Command:
+def command(capsys: pytest.CaptureFixture[str], unfitted: None, undrawn: None) -> Command:
     return lambda *arguments: ema_command(capsys, *arguments)
 
 
@@ -48,8 +48,8 @@ def edited(path: Path, old: bytes, new: bytes) -> None:
 # ------------------------------------------------------------------------------------------------ files that are wrong
 
 
-def test_the_campaign_is_sound_before_it_is_spoiled(tmp_path, command):
-    ended = command("check", campaign(tmp_path), "--limit", "warning")
+def test_the_campaign_is_sound_before_it_is_spoiled(tmp_path, capsys):
+    ended = ema_command(capsys, "check", campaign(tmp_path), "--limit", "warning")
     assert ended.status == 0 and ended.err == "" and "12 of 12 used" in ended.out
 
 
@@ -165,7 +165,7 @@ def test_duplicated_dofs(tmp_path, command, twice):
 
 
 @pytest.mark.parametrize("level", [0.0, 3.0], ids=["zero", "constant"])
-def test_a_dead_response_is_a_finding_and_the_rest_is_fitted(tmp_path, command, level):
+def test_a_dead_response_is_a_finding_and_the_rest_is_fitted(tmp_path, command, without_report, level):
     ended = command("run", campaign(tmp_path, spoiled(lambda record: with_signal(record, 2, level))))
     assert ended.status == 1 and ended.err == ""
     assert "error: run bare, 2:+Z/1:+Z" in ended.out and "the response channel is dead" in ended.out

@@ -32,7 +32,7 @@ def used(capsys, *arguments):
     return run["hits"]["used"], {one["code"]: one for one in run["findings"]}
 
 
-def test_keep_on_the_command_line_and_in_the_recipe(four, tmp_path, capsys):
+def test_keep_on_the_command_line_and_in_the_recipe(four, unfitted, tmp_path, capsys):
     left, findings = used(capsys, four)
     assert left in (11, 12)
     assert "second contact of 4" in findings["double-hit"]["message"]
@@ -47,7 +47,7 @@ def test_keep_on_the_command_line_and_in_the_recipe(four, tmp_path, capsys):
     assert used(capsys, recipe)[0] == 12
 
 
-def test_a_run_without_a_clean_impact_still_ends_with_modes(tmp_path, capsys):
+def test_a_run_without_a_clean_impact_still_ends_with_modes(without_report, tmp_path, capsys):
     """Clipping the force of every impact leaves poles as they are: frequencies stay, and the finding is an error."""
     full_scale = 0.5 * min(record.signals[0].max() for record in records())
     clipped = []

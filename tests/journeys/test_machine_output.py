@@ -25,7 +25,7 @@ def only_json(ended):
     return json.loads(ended.out, parse_constant=lambda text: pytest.fail(f"{text} is no JSON"))
 
 
-def test_run_and_report(four, tmp_path, capsys):
+def test_run_and_report(four, undrawn, tmp_path, capsys):
     ended = ema_command(capsys, "run", four, "--output", tmp_path, "--json")
     told = only_json(ended)
     assert_keys("run", told)
@@ -57,7 +57,7 @@ def test_formats_and_doctor(capsys, command):
 
 
 @pytest.mark.parametrize("name", CAMPAIGNS)
-def test_every_campaign_of_real_measurements_can_be_checked(name, root, datasets, capsys, monkeypatch):
+def test_every_campaign_of_real_measurements_can_be_checked(name, root, datasets, unfitted, capsys, monkeypatch):
     monkeypatch.setenv("EMA_DATASETS", str(datasets))
     ended = ema_command(capsys, "check", root / "datasets" / name, "--json")
     told = only_json(ended)

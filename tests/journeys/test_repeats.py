@@ -152,14 +152,14 @@ def test_the_report_has_repeats_and_changes(folder: Path, result: StudyResult):
     assert table[0].startswith("Mode,Mode in 1 kN,f [Hz]") and ",significant," in table[1]
 
 
-def test_check_names_the_label_that_nothing_shares(folder: Path, capsys: pytest.CaptureFixture[str]):
+def test_check_names_the_label_that_nothing_shares(folder: Path, unfitted: None, capsys: pytest.CaptureFixture[str]):
     told = json.loads(ema_command(capsys, "check", folder, "--json").out)
     (finding,) = [one for one in told["findings"] if one["code"] == "repeat-alone"]
     assert finding["where"] == "repeats of 100 N"
     assert finding["message"].endswith("only light has this label; noise only; assembly scatter unknown.")
 
 
-def test_takes_of_one_assembly_claim_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_takes_of_one_assembly_claim_nothing(tmp_path: Path, unfitted: None, capsys: pytest.CaptureFixture[str]):
     folder = campaign(tmp_path / "takes", 'repeat = "bare"\nassembly = "Monday"')
     opened = acquisition.open_campaign(folder)
     assert [run.assembly for run in opened.where(repeat="bare")] == ["Monday"] * 3

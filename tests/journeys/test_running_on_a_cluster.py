@@ -48,7 +48,13 @@ def numbers(path: Path) -> list[np.ndarray]:
     return found
 
 
-def test_a_study_has_the_results_of_one_process(small_study: Path, tmp_path: Path, capsys, address: str) -> None:  # noqa: F811
+def test_a_study_has_the_results_of_one_process(
+    small_study: Path,  # noqa: F811
+    without_report: None,
+    tmp_path: Path,
+    capsys,
+    address: str,
+) -> None:
     for name, more in (("one", ()), ("two", ("--cluster", address))):
         done = ema_command(capsys, "run", small_study, "--output", tmp_path / name, "--json", *more)
         assert done.status in (0, 1), done.err

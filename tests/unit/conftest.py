@@ -113,24 +113,3 @@ def small_study(small_study_master: Path, tmp_path: Path) -> Path:
     folder = tmp_path / "Prüfling 1"
     shutil.copytree(small_study_master, folder)
     return folder / "recipe.toml"
-
-
-@pytest.fixture
-def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports are drawn elsewhere: here a blank page will do."""
-    import ema.report
-
-    monkeypatch.setattr(
-        ema.report,
-        "write",
-        lambda result, path, formats=(), language="en": Path(path).write_text("blank"),
-        raising=False,
-    )
-
-
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made and not rendered, for tests that read words."""
-    from tests.unit.report_page import BLANK
-
-    monkeypatch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))

@@ -213,7 +213,7 @@ def command(*words):
     return done.stdout
 
 
-def test_a_campaign_of_levels_frfs_and_ring_downs_is_checked_mapped_and_run(campaign, tmp_path):
+def test_a_campaign_of_levels_frfs_and_ring_downs_is_checked_mapped_and_run(campaign, unfitted, undrawn, tmp_path):
     opened = open_campaign(campaign)
     assert [len(run.levels) for run in opened.runs] == [len(AMPLITUDES), 0, 0]
     checked = {run["run"]: run for run in json.loads(command("check", campaign, "--json"))["runs"]}
