@@ -69,10 +69,12 @@ def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made and not rendered, for tests that read words."""
+    """Figures of reports and commands are made and not rendered, for tests that read words and numbers."""
     from tests.unit.report_page import BLANK
 
     monkeypatch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))
+    monkeypatch.setattr("ema.report.pictures.as_svg", lambda figure: b"<svg/>")
+    monkeypatch.setattr("ema.report.pictures.as_png", lambda figure: BLANK.content)
 
 
 @pytest.fixture

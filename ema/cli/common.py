@@ -36,20 +36,21 @@ def status(findings: "Iterable[Finding]", limit: str) -> int:
 
 
 def save_pictures(folder: Path, figures: "Mapping[str, Figure]") -> list[Path]:
-    """Write every figure as PNG and SVG, whole or not at all; the paths.
+    """Write every figure as SVG and PNG, whole or not at all; the paths.
 
     Raises
     ------
     FailureError : the folder cannot be written, or the disk is full.
     """
     from ema import store
+    from ema.report.pictures import as_png, as_svg
 
     written = []
     for name, figure in figures.items():
-        for suffix in ("png", "svg"):
+        for suffix, content in (("svg", as_svg(figure)), ("png", as_png(figure))):
             written.append(folder / f"{name}.{suffix}")
             with store.replacing(written[-1]) as target:
-                figure.savefig(target, format=suffix, dpi=150)
+                target.write_bytes(content)
     return written
 
 

@@ -30,7 +30,17 @@ class Image:
 
 
 def drawn(figure: Figure, png: bool = False) -> tuple[Image, Image | None]:
-    """The figure as SVG or PNG, whichever is smaller, and with ``png`` also as PNG; the same figure, the same bytes.
+    """The figure as SVG or PNG, whichever is smaller, and with ``png`` also as PNG."""
+    vector = Image(as_svg(figure), "image/svg+xml")
+    if len(vector.content) <= _ALWAYS_SVG and not png:
+        return vector, None
+    image = Image(as_png(figure), "image/png")
+    smaller = vector if len(vector.content) <= max(_ALWAYS_SVG, len(image.content)) else image
+    return smaller, image if png else None
+
+
+def as_svg(figure: Figure) -> bytes:
+    """The figure as SVG; the same figure, the same bytes.
 
     Canvases print a figure in one drawing, its layout included; ``savefig`` draws it twice.
     """
@@ -38,14 +48,14 @@ def drawn(figure: Figure, png: bool = False) -> tuple[Image, Image | None]:
     target = BytesIO()
     with matplotlib.rc_context(_SVG):
         FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None, "Creator": None})
-    vector = Image(target.getvalue(), "image/svg+xml")
-    if len(vector.content) <= _ALWAYS_SVG and not png:
-        return vector, None
-    # the layout of the first drawing stays, and need not be computed again
+    # this layout stays, and need not be computed again
     figure.set_layout_engine("none")
+    return target.getvalue()
+
+
+def as_png(figure: Figure) -> bytes:
+    """The figure as PNG, in the layout of its SVG if that was made before; the same figure, the same bytes."""
     figure.set_dpi(_DOTS_PER_INCH)  # that of an SVG is 72
     target = BytesIO()
     FigureCanvasAgg(figure).print_png(target, metadata={"Software": None})
-    image = Image(target.getvalue(), "image/png")
-    smaller = vector if len(vector.content) <= max(_ALWAYS_SVG, len(image.content)) else image
-    return smaller, image if png else None
+    return target.getvalue()

@@ -94,6 +94,7 @@ def test_snapback_writes_response_ring_down_and_pictures(model, tmp_path):
 
 
 @pytest.mark.parametrize("normal_force", [300.0, 600.0, 1000.0, 1400.0])
+@pytest.mark.usefixtures("undrawn")
 def test_sliding_and_stuck_phase_are_shown_at_every_normal_force(tmp_path, normal_force):
     """Sliding frequency from the time between the first two zero crossings of the tip, unfiltered; the stuck frequency
     is that of the linear structure; slip ends where the books of the simulation say so. An amplitude that falls to
@@ -116,6 +117,7 @@ def test_sliding_and_stuck_phase_are_shown_at_every_normal_force(tmp_path, norma
 
 
 @pytest.mark.parametrize("normal_force", [2000.0, 4000.0, 8000.0])
+@pytest.mark.usefixtures("undrawn")
 def test_slip_at_some_contacts_is_a_phase_too(tmp_path, normal_force):
     """More damping than the 0.1 % of the stuck structure, at a frequency between both."""
     (row,) = told("snapback", DATASETS / "double_beam", "--output", tmp_path, "--normal-force", normal_force)["rows"]
@@ -124,6 +126,7 @@ def test_slip_at_some_contacts_is_a_phase_too(tmp_path, normal_force):
     assert row["zeta stuck [%]"] == pytest.approx(0.1, abs=0.02)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_never_slips_has_a_stuck_phase_only_and_what_never_stops_a_sliding_one(tmp_path):
     double_beam = DATASETS / "double_beam"
     (stuck,) = told("snapback", double_beam, "--output", tmp_path, "--normal-force", 1e5)["rows"]
@@ -134,6 +137,7 @@ def test_what_never_slips_has_a_stuck_phase_only_and_what_never_stops_a_sliding_
     assert sliding["f [Hz]"] == pytest.approx(16.7, rel=0.01) and sliding["f stuck [Hz]"] is None
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_reference_mode_states_its_error_and_says_what_it_does_not_take(model, tmp_path):
     arguments = ["snapback", tmp_path, "--output", tmp_path / "out", "--reference", "--duration", "0.1"]
     (tmp_path / "model.toml").write_text(SMALL.replace('ratio = "0.3 %"', 'mass_factor = "0.3 1/s"'))
@@ -145,6 +149,7 @@ def test_the_reference_mode_states_its_error_and_says_what_it_does_not_take(mode
     assert done.exit_code == 2 and "mass-proportional damping only; got ratio 0.003" in done.stderr
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_frf_map_and_loop(model, tmp_path):
     found = told("frf", model, "--output", tmp_path)
     assert_keys("simulate frf", found)
@@ -316,6 +321,7 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(model, tmp_path)
     assert "choose another one with --output" in done.stderr
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_findings_decide_the_status(model, tmp_path):
     """Slips far beyond the spacing of the pairs: a warning."""
     arguments = ["snapback", model, "--output", tmp_path, "--load", 400_000]

@@ -20,6 +20,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import ema.report
+from ema.cli.common import save_pictures
 from ema.data import (
     Condition,
     Excitation,
@@ -131,9 +132,11 @@ def test_changes_of_both_signs_are_listed_and_have_no_median():
     assert "frequency -4.00 to +2.00 %" in line
 
 
-def test_a_figure_is_drawn_once_for_each_format_and_is_what_savefig_writes(monkeypatch: pytest.MonkeyPatch):
-    """SVG at its layout, PNG with the layout of the SVG at 150 dots per inch."""
-    figures = [Figure(figsize=(4, 3), layout="constrained") for _ in range(2)]
+def test_a_figure_is_drawn_once_for_each_format_and_is_what_savefig_writes(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """SVG at its layout, PNG with the layout of the SVG at 150 dots per inch; the same beside what commands write."""
+    figures = [Figure(figsize=(4, 3), layout="constrained") for _ in range(3)]
     for figure in figures:
         axes = figure.subplots(1, 2)
         axes[0].plot(np.random.default_rng(3).normal(size=4000), label="noise")
@@ -153,6 +156,9 @@ def test_a_figure_is_drawn_once_for_each_format_and_is_what_savefig_writes(monke
     assert png.content == saved[1] and smaller.content == min(saved, key=len)
     vector, none = pictures.drawn(Figure(figsize=(4, 3), layout="constrained"))
     assert vector.mime == "image/svg+xml" and none is None and len(count) == 3
+    written = save_pictures(tmp_path, {"noise": figures[2]})
+    assert [path.name for path in written] == ["noise.svg", "noise.png"] and len(count) == 5
+    assert [path.read_bytes() for path in written] == saved
 
 
 def test_what_a_linear_fit_reads_at_the_level_stands_beside_small_amplitudes():
