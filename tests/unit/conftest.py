@@ -1,15 +1,22 @@
 """A small campaign with known modes, written once: the ground of the tests of studies and commands."""
 
+import hashlib
+import pickle
 import shutil
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ema import store
-from ema.data import Channel, ModalModel, poles_from
+from ema.data import Channel, ModalModel, Run, RunResult, poles_from
 from ema.dof import Dof
 from ema.simulate import RovingHammer, VirtualRig
+from ema.study import chain
+from ema.study.recipe import EstimateTable, FitTable
 
 FREQUENCIES = np.array([120.0, 210.0, 333.0])
 DAMPING = np.array([0.012, 0.009, 0.015])
@@ -113,3 +120,28 @@ def small_study(small_study_master: Path, tmp_path: Path) -> Path:
     folder = tmp_path / "Prüfling 1"
     shutil.copytree(small_study_master, folder)
     return folder / "recipe.toml"
+
+
+_ANALYSED: dict[str, RunResult] = {}
+
+
+def _in_memory(run: Run) -> Run:
+    """With the content of its files."""
+    records = tuple(replace(one, signals=np.array(one.signals)) for one in run.recordings)
+    return replace(run, recordings=records, frfs=tuple(run.frfs))
+
+
+@pytest.fixture
+def analysed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was analysed in this process before, with equal records and settings, is taken: for tests of what a study does
+    with its results.
+    """
+    analyse = chain.analyse
+
+    def known(run: Run, estimate: EstimateTable, fit: FitTable, *rest: Any, others: Sequence[Run] = ()) -> RunResult:
+        key = hashlib.sha256(pickle.dumps(([_in_memory(one) for one in (run, *others)], estimate, fit))).hexdigest()
+        if key not in _ANALYSED:
+            _ANALYSED[key] = analyse(run, estimate, fit, *rest, others=others)
+        return replace(_ANALYSED[key], run=run)
+
+    monkeypatch.setattr(chain, "analyse", known)

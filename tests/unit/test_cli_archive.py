@@ -26,7 +26,9 @@ def campaigns(tmp_path: Path) -> Path:
     return tmp_path / "tests"
 
 
-def test_a_study_that_was_run_is_found_with_its_modes(small_study: Path, without_report, tmp_path, capsys) -> None:
+def test_a_study_that_was_run_is_found_with_its_modes(
+    small_study: Path, analysed_once, without_report, tmp_path, capsys
+) -> None:
     archive = tmp_path / "archive"
     assert ema_command(capsys, "run", small_study, "--json").status in (0, 1)
     added = ema_command(capsys, "archive", "add", archive, small_study)
