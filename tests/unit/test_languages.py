@@ -10,6 +10,7 @@ import urllib.request
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
@@ -114,23 +115,29 @@ IN_ENGLISH: dict[str, int] = {
 """Findings of each file that reach every reader in English, as they are put together there; a new one is written out."""
 
 
+@cache
+def written_calls() -> dict[Path, list[ast.Call]]:
+    """All calls in the sources of both packages, read once."""
+    paths = (path for package in ("ema", "acquisition") for path in sorted((ROOT / package).rglob("*.py")))
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+    return {path: [node for node in ast.walk(tree) if isinstance(node, ast.Call)] for path, tree in trees.items()}
+
+
 def calls() -> Iterator[tuple[str, ast.Call]]:
     """Calls of the functions that take messages, in modules that import them."""
-    for path in (*sorted((ROOT / "ema").rglob("*.py")), *sorted((ROOT / "acquisition").rglob("*.py"))):
-        source = path.read_text(encoding="utf-8")
-        if "from ema.messages import" in source:
-            for node in ast.walk(ast.parse(source)):
-                if isinstance(node, ast.Call) and getattr(node.func, "id", "") in FUNCTIONS:
+    for path, nodes in written_calls().items():
+        if "from ema.messages import" in path.read_text(encoding="utf-8"):
+            for node in nodes:
+                if getattr(node.func, "id", "") in FUNCTIONS:
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", node
 
 
 def findings() -> Iterator[tuple[str, ast.Call]]:
     """Calls that state a finding."""
-    for package in ("ema", "acquisition"):
-        for path in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Finding", "Finding.of"):
-                    yield path.relative_to(ROOT).as_posix(), node
+    for path, nodes in written_calls().items():
+        for node in nodes:
+            if ast.unparse(node.func) in ("Finding", "Finding.of"):
+                yield path.relative_to(ROOT).as_posix(), node
 
 
 def alternatives(node: ast.expr | None) -> list[str] | None:
@@ -162,7 +169,8 @@ def written_out(call: ast.Call) -> list[Any]:
     return [getattr(each, "value", None) for each in call.args[: FUNCTIONS[call.func.id]]]  # type: ignore[attr-defined]
 
 
-def messages() -> set[tuple[str, ...]]:
+@cache
+def messages() -> frozenset[tuple[str, ...]]:
     """Every message of the sources, of the template of a report, and of the catalogue of findings."""
     every = (tuple(written_out(call)) for _, call in calls())
     found = {one for one in every if all(isinstance(part, str) for part in one)}
@@ -177,7 +185,7 @@ def messages() -> set[tuple[str, ...]]:
     for path, call in findings():
         written = {(one,) for one in sentences(call) or ()}
         found |= written & known if path in IN_ENGLISH else written
-    return found | {(kind.meaning,) for kind in kinds().values()}
+    return frozenset(found | {(kind.meaning,) for kind in kinds().values()})
 
 
 def placeholders(message: str) -> list[str]:
