@@ -11,6 +11,7 @@ from jaxtyping import Float
 from acquisition import units
 from acquisition.campaign_file import JointTable, NormalForceTable, RunTable
 from acquisition.columns import column, moment, numbers, read_columns
+from acquisition.force_cross_talk import cross_talk_findings
 from acquisition.force_drift import drift_findings
 from ema.data import Finding, JointForce, Recording, Run
 from ema.errors import InputError
@@ -75,22 +76,25 @@ def joint_forces(
     """
     stated = {table.joint: table for table in run.normal_force}
     on_records = _joints_on_records(records) if records else {}
-    if run.beam is False or not (stated or run.beam or on_records):
+    if run.beam is False:
+        return (), cross_talk_findings(records, on_records, run.kind, where)
+    if not (stated or run.beam or on_records):
         return (), ()
     names = list(dict.fromkeys([*(joint.name for joint in joints), *stated, *on_records])) or ["beam"]
     cells = {joint.name: joint for joint in joints}
     forces: list[JointForce] = []
     findings: list[Finding] = []
-    sampled: set[str] = set()
+    sampled: dict[str, str] = {}
     for name in names:
         table = stated.get(name, NormalForceTable(joint=name))
         channel = table.channel or ("" if table.file or table.value else on_records.get(name, ""))
-        sampled |= {name} if channel else set()
+        sampled |= {name: channel} if channel else {}
         force, lost = _measured(table, channel, records, span, folders, f"{where}, joint {name}")
         findings += lost
         forces.append(replace(force, calibration=_calibration(cells.get(name))))
     nominal = _nominal(run)
-    return tuple(forces), (*findings, *_findings(forces, nominal, sampled, where))
+    findings += _findings(forces, nominal, set(sampled), where)
+    return tuple(forces), (*findings, *cross_talk_findings(records, sampled, run.kind, where))
 
 
 def nominal_forces(runs: Sequence[RunTable]) -> dict[str, dict[str, float]]:
