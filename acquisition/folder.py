@@ -15,8 +15,9 @@ from acquisition.axes import LocalAxes
 from acquisition.campaign_file import CampaignFile, ChannelTable, LevelsTable, RunTable
 from acquisition.copied_files import copied_repeats, copies
 from acquisition.file_cache import Files, Take
-from acquisition.force import Span, against_other_runs, joint_forces, nominal_forces, span_of
+from acquisition.force import Span, joint_forces, nominal_forces, span_of
 from acquisition.force_levels import against_nominal_levels
+from acquisition.force_units import against_other_runs
 from acquisition.geometry_file import geometry_of
 from acquisition.repairs import Repairs
 from acquisition.scaling import (
@@ -137,7 +138,8 @@ def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: boo
         _note_skewed(described.channels_of(run), items[run.id], axes, f"{where}, run {run.id}")
     opening = _Opening(described, (folder, data), where, axes, repairs, Files(), progress, salvage)
     runs = tuple(opening.run(run, items[run.id]) for run in described.runs)
-    runs, about_levels = against_nominal_levels(against_other_runs(runs), nominal_forces(described.runs))
+    nominal = nominal_forces(described.runs)
+    runs, about_levels = against_nominal_levels(against_other_runs(runs, nominal), nominal)
     repairs.refuse_unused()
     if geometry is not None:
         geometry = replace(geometry, axes=axes.apply(geometry))

@@ -13,9 +13,9 @@ from acquisition.campaign_file import JointTable, NormalForceTable, RunTable
 from acquisition.columns import column, moment, numbers, read_columns
 from acquisition.force_cross_talk import cross_talk_findings
 from acquisition.force_drift import drift_findings
-from ema.data import Finding, JointForce, Recording, Run
+from acquisition.force_units import against_other_joints, is_kilo, other_unit, unit_findings
+from ema.data import Finding, JointForce, Recording
 from ema.errors import InputError
-from ema.messages import mark
 
 STATED_LIMIT = 1.3
 """Ratio of the measured normal force to the nominal one, or its inverse, up to which the nominal one was reached.
@@ -25,14 +25,11 @@ Tightening by torque scatters by a third; half of it would name every second bol
 SCATTER_LIMIT = 0.10
 """Largest deviation of a joint from the mean of all joints, as a fraction of it."""
 
-_KILO = (300.0, 3000.0)
 _BLOCKS = 64
 _TENTH = 6
 """Block means that are a tenth of a record."""
 _ENDS = 0.1
 _ROUNDING = 1e-12
-_OFTEN = 0.05
-"""Share of the values of a trace from which on those of another unit are no single faults."""
 
 
 @dataclass(frozen=True)
@@ -106,37 +103,6 @@ def _nominal(run: RunTable) -> dict[str, float]:
     return {
         table.joint: units.measure(table.nominal, "force")[0] for table in run.normal_force if table.nominal is not None
     }
-
-
-def against_other_runs(runs: Sequence[Run]) -> tuple[Run, ...]:
-    """Runs of a campaign, with a finding where a normal force fits the others a thousand times as large or small."""
-    known = {run.id: run.condition.normal_force for run in runs if run.condition.normal_force > 0}
-    result = []
-    for run in runs:
-        others = np.array([force for name, force in known.items() if name != run.id])
-        result.append(run)
-        if run.id not in known or len(others) < 2:
-            continue
-        nearest = float(others[np.abs(np.log(others / known[run.id])).argmin()])
-        ratio = known[run.id] / nearest
-        right = known[run.id] * (1000.0 if ratio < 1 else 0.001)
-        fits = 0.5 * others.min() <= right <= 2 * others.max()
-        if max(ratio, 1 / ratio) > np.sqrt(1000.0) and fits:
-            finding = Finding.of(
-                "error",
-                "normal-force-unit",
-                f"run {run.id}",
-                "The normal force is {mean} N, {times} times the nearest one of the other runs of {nearest} "
-                "N, as if kN had been taken for N.",
-                ratio,
-                1.0,
-                advice="Correct the unit of this run in the campaign file, or its side data.",
-                mean=f"{known[run.id]:.4g}",
-                times=f"{ratio:.4g}",
-                nearest=f"{nearest:.4g}",
-            )
-            result[-1] = replace(run, findings=(*run.findings, finding))
-    return tuple(result)
 
 
 def _measured(
@@ -351,13 +317,15 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
                 )
             )
             continue
-        findings += _unit_findings(force, nominal.get(force.joint), label)
+        findings += unit_findings(force, nominal.get(force.joint), label)
         findings += _against_nominal(force, nominal.get(force.joint), label)
         of_sensor = _sensor_findings(force, label, sampled=force.joint in sampled)
         findings += of_sensor
         if not any(finding.code == "normal-force-none" for finding in of_sensor):
             findings += drift_findings(force, label, _TENTH if force.joint in sampled else None)
     known = [force for force in forces if force.known]
+    if between := against_other_joints(known, where):
+        return [*findings, *between]
     mean = float(np.mean([force.mean for force in known])) if known else 0.0
     if len(known) > 1 and mean:
         worst = max(known, key=lambda force: abs(force.mean - mean))
@@ -385,9 +353,9 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
 def _against_nominal(force: JointForce, nominal: float | None, place: str) -> list[Finding]:
     """A mean that is not the nominal force, nor that in another unit."""
     ratio = abs(force.mean) / nominal if nominal else 1.0
-    other_unit = _KILO[0] < max(ratio, 1 / max(ratio, 1e-300)) < _KILO[1]
-    if 1 / STATED_LIMIT <= ratio <= STATED_LIMIT or other_unit:
+    if 1 / STATED_LIMIT <= ratio <= STATED_LIMIT or is_kilo(ratio):
         return []
+    unit = other_unit(ratio, STATED_LIMIT)
     return [
         Finding.of(
             "warning",
@@ -397,9 +365,12 @@ def _against_nominal(force: JointForce, nominal: float | None, place: str) -> li
             "one that was measured.",
             ratio,
             STATED_LIMIT,
-            advice="Correct the nominal force, or the sensitivity and the zero of the load cell.",
+            advice="Look for {unit} taken for N, or N for {unit}, in the unit, the sensitivity and the nominal force."
+            if unit
+            else "Correct the nominal force, or the sensitivity and the zero of the load cell.",
             mean=f"{force.mean:.4g}",
             nominal=f"{nominal:.4g}",
+            **({"unit": unit} if unit else {}),
         )
     ]
 
@@ -453,34 +424,3 @@ def _sensor_findings(force: JointForce, place: str, *, sampled: bool) -> list[Fi
             )
         )
     return findings
-
-
-def _unit_findings(force: JointForce, nominal: float | None, place: str) -> list[Finding]:
-    """A factor of a thousand against the nominal force, or within the record, is a kilonewton taken for a newton."""
-    values = np.array([force.mean]) if force.trace is None else force.trace
-    reference = nominal if nominal else float(np.median(values))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.abs(values / reference)
-    large = (ratio > _KILO[0]) & (ratio < _KILO[1])
-    small = (ratio > 1 / _KILO[1]) & (ratio < 1 / _KILO[0])
-    if np.mean(large | small) < _OFTEN:
-        return []
-    against = mark("the nominal force") if nominal else mark("the rest of its record")
-    share = float(np.mean(large | small))
-    factor = float(np.median(ratio[large | small]))
-    return [
-        Finding.of(
-            "error",
-            "normal-force-unit",
-            place,
-            "{share} % of the normal force values are {factor} times {against} of {reference} N, as if "
-            "kN had been taken for N.",
-            factor,
-            1.0,
-            advice="Correct the unit of this joint in the campaign file, or its side data.",
-            share=f"{100 * share:.0f}",
-            factor=f"{factor:.4g}",
-            against=against,
-            reference=f"{reference:.4g}",
-        )
-    ]

@@ -409,3 +409,79 @@ def test_exchanged_files_are_named_once(tmp_path: Path) -> None:
     assert "run 1" in campaign.findings[0].message and "run 3" in campaign.findings[0].message
     measured[3] = 300.0
     assert "normal-force-exchanged" not in every(levels(tmp_path, nominal, measured))
+
+
+def stated_forces(path: Path, forces: "list[float]", torque: str = "") -> Campaign:
+    """A campaign of runs with these normal forces in N and nothing that says what they should be."""
+    (path / "raw").mkdir(exist_ok=True)
+    base = BASE[: BASE.index("[[runs]]")]
+    for number, value in enumerate(forces):
+        store.save(path / "raw" / f"{number}.h5", Recording(np.zeros((1, 100)), 100.0, (Channel("hammer"),)))
+        base += f'[[runs]]\nid = "run {number}"\nkind = "hammer"\nfiles = "{number}.h5"\n'
+        base += force(f'value = "{value:.6g} N"\n{torque}')
+    (path / "campaign.toml").write_text(base)
+    return acquisition.open_campaign(path)
+
+
+def test_kilonewtons_of_several_runs_are_noticed_by_the_others(tmp_path: Path) -> None:
+    """Levels measured three times, once in another unit: the wrong runs are each other's neighbours."""
+    rng = np.random.default_rng(7300036)
+    for draw in range(6):
+        levels = np.exp(rng.uniform(np.log(100), np.log(3000), 3))
+        forces = np.tile(levels, 3) * (1 + 0.05 * rng.standard_normal(9))
+        wrong = [3 * int(rng.integers(3)) + n for n in range(3)]
+        forces[wrong] *= 1000.0 if draw % 2 else 0.001
+        named = [one.id for one in stated_forces(tmp_path, list(forces)).runs if "normal-force-unit" in codes(one)]
+        assert named == [f"run {n}" for n in sorted(wrong)]
+
+
+def test_campaigns_over_decades_of_force_are_no_matter_of_units(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7300037)
+    for _ in range(40):
+        decades = rng.uniform(0.3, 3.0)
+        forces = 10 ** rng.uniform(1, 1 + decades, int(rng.integers(4, 12)))
+        assert not every(stated_forces(tmp_path, list(forces)))
+
+
+def test_kilonewtons_of_one_joint_are_noticed_by_the_others(tmp_path: Path) -> None:
+    base = BASE.replace("[[runs]]", '[[joints]]\nname = "J2"\n\n[[runs]]')
+    for first, second in (("1.02 kN", "0.9 N"), ("480 N", "0.55 MN")):
+        run = opened(tmp_path, force(f'value = "{first}"') + force(f'value = "{second}"', "J2"), base=base)
+        assert codes(run) == ["normal-force-unit"]
+        assert "J1" in run.findings[0].message and "J2" in run.findings[0].message
+
+
+@pytest.mark.parametrize("factor", [0.001, 1000.0])
+def test_a_torque_tells_kilonewtons_from_newtons(tmp_path: Path, factor: float) -> None:
+    """Bolts from M3 to M24 with friction dry or oiled (nut factor 0.1 to 0.3), one to four of them in a joint."""
+    rng = np.random.default_rng(7300038)
+    for _ in range(25):
+        diameter, nut = rng.choice([3, 4, 5, 6, 8, 10, 12, 16, 20, 24]) / 1000, rng.uniform(0.1, 0.3)
+        bolts = int(rng.integers(1, 5))
+        torque = np.exp(rng.uniform(np.log(0.5), np.log(300)))
+        pressing = bolts * torque / (nut * diameter)
+        text = f'torque = "{torque:.4g} N m"'
+        assert codes(opened(tmp_path, force(f'value = "{pressing:.5g} N"\n{text}'))) == []
+        run = opened(tmp_path, force(f'value = "{factor * pressing:.5g} N"\n{text}'))
+        assert codes(run) == ["normal-force-unit"] and "torque" in run.findings[0].message
+
+
+@pytest.mark.parametrize(("measured", "unit"), [(224.8, "lbf"), (4448.0, "lbf"), (102.0, "kgf"), (9807.0, "kgf")])
+def test_another_unit_of_force_is_named_beside_the_nominal_one(tmp_path: Path, measured: float, unit: str) -> None:
+    run = opened(tmp_path, force(f'value = "{measured} N"\nnominal = "1 kN"'))
+    assert codes(run) == ["normal-force-not-as-stated"] and unit in run.findings[0].advice
+    other = opened(tmp_path, force('value = "2000 N"\nnominal = "1 kN"'))
+    assert codes(other) == ["normal-force-not-as-stated"] and unit not in other.findings[0].advice
+
+
+def test_two_levels_a_thousand_apart_that_are_nominal_are_meant(tmp_path: Path) -> None:
+    """Sliding at 1 N and stuck at 1 kN."""
+    forces = [1.02, 0.97, 1050.0, 980.0, 1010.0]
+    campaign = stated_forces(tmp_path, forces)
+    assert [codes(run) for run in campaign.runs] == [["normal-force-unit"]] * 2 + [[]] * 3
+    assert "nominal" in campaign.runs[0].findings[0].advice
+    text = (tmp_path / "campaign.toml").read_text()
+    for value in ("1.02", "0.97"):
+        text = text.replace(f'value = "{value} N"', f'value = "{value} N"\nnominal = "1 N"')
+    (tmp_path / "campaign.toml").write_text(text)
+    assert not every(acquisition.open_campaign(tmp_path))
