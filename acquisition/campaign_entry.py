@@ -1,6 +1,7 @@
 """What a recorded run says about itself in ``campaign.toml``, which belongs to its owner once it is written."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition import campaign_file, units
@@ -22,33 +23,46 @@ def run_ids(folder: Path) -> tuple[str, ...]:
     return tuple(run.id for run in campaign_file.load(path).runs) if path.is_file() else ()
 
 
-def refuse_other_level(folder: Path, run: str, level: float) -> None:
-    """A run is measured at one force level, in N.
+@dataclass(frozen=True)
+class Levels:
+    """Force level of a shaker and normal force of every joint in N at which a run is measured; ``None`` where open."""
+
+    force: float | None = None
+    normal_force: float | None = None
+
+
+def refuse_other_levels(folder: Path, run: str, levels: Levels) -> None:
+    """A run is measured at one force level and one normal force.
 
     Raises
     ------
     InputError : the campaign states another one, or cannot be understood.
     """
     path = folder / campaign_file.FILE_NAME
-    begun = campaign_file.load(path).runs if path.is_file() else ()
+    begun = campaign_file.load(path).runs if path.is_file() and levels != Levels() else ()
     for one in begun:
-        stated = None if one.id != run or one.level is None else units.measure(one.level, "force")[0]
-        if stated is not None and abs(stated / level - 1) > 1e-9:
-            raise InputError(
-                f"run {run} was begun at another force level",
-                where=str(path),
-                got=f"{level:g} N",
-                expected=f"{stated:g} N",
-                advice="give the run at this level another name",
-            )
+        if one.id != run:
+            continue
+        stated = [("force level", one.level, levels.force)]
+        stated += [("normal force", joint.nominal, levels.normal_force) for joint in one.normal_force]
+        for name, text, level in stated:
+            before = None if text is None else units.measure(text, "force")[0]
+            if level is not None and before is not None and abs(before / level - 1) > 1e-9:
+                raise InputError(
+                    f"run {run} was begun at another {name}",
+                    where=str(path),
+                    got=f"{level:g} N",
+                    expected=f"{before:g} N",
+                    advice="give the run at this level another name",
+                )
 
 
-def add_run(folder: Path, rig: RigFile, run: str, level: float | None = None) -> str:
+def add_run(folder: Path, rig: RigFile, run: str, levels: Levels) -> str:
     """Add a run that has takes to the campaign, or begin the campaign with it; what stands there stays.
 
     Parameters
     ----------
-    level : force level in N that the run was controlled to.
+    levels : at which the run was measured.
 
     Returns
     -------
@@ -61,7 +75,7 @@ def add_run(folder: Path, rig: RigFile, run: str, level: float | None = None) ->
     """
     path = folder / campaign_file.FILE_NAME
     if not path.is_file():
-        text = _head(folder, rig) + _channels(rig, "channels") + _joints(rig, set()) + _entry(rig, run, "", level)
+        text = _head(folder, rig) + _channels(rig, "channels") + _joints(rig, set()) + _entry(rig, run, "", levels)
     else:
         text = path.read_text(encoding="utf-8")
         described = campaign_file.parse(text, str(path))
@@ -72,7 +86,7 @@ def add_run(folder: Path, rig: RigFile, run: str, level: float | None = None) ->
         if any(one.id == run for one in described.runs):
             return f'run {run} of {path.name} takes other files than files = "{_pattern(run, prefix)}"'
         text += "" if text.endswith("\n") else "\n"
-        text += _joints(rig, {joint.name for joint in described.joints}) + _entry(rig, run, prefix, level)
+        text += _joints(rig, {joint.name for joint in described.joints}) + _entry(rig, run, prefix, levels)
         if described.channels and [one.name for one in described.channels] != [one.name for one in rig.channels]:
             text += "\n" + _channels(rig, "runs.channels")
     campaign_file.parse(text, str(path))
@@ -100,12 +114,20 @@ def _pattern(run: str, prefix: str) -> str:
     return f"{prefix}{run}_{{point}}_{{take}}.h5"
 
 
-def _entry(rig: RigFile, run: str, prefix: str, level: float | None) -> str:
-    files = f"files = {_quoted(_pattern(run, prefix))}\n"
-    if rig.shaker is None:
-        return f'\n[[runs]]\nid = {_quoted(run)}\nkind = "hammer"\n{files}'
-    sine = {"kind": "stepped sine", "period": rig.shaker.stay, "level": "" if level is None else f"{level:.12g} N"}
-    return f"\n[[runs]]\nid = {_quoted(run)}\n{_lines(sine)}{files}"
+def _entry(rig: RigFile, run: str, prefix: str, levels: Levels) -> str:
+    kind = {"kind": "hammer"}
+    if rig.shaker is not None:
+        level = "" if levels.force is None else f"{levels.force:.12g} N"
+        kind = {"kind": "stepped sine", "period": rig.shaker.stay, "level": level}
+    text = f"\n[[runs]]\nid = {_quoted(run)}\n{_lines(kind)}files = {_quoted(_pattern(run, prefix))}\n"
+    if levels.normal_force is None:
+        return text
+    for channel in rig.channels:
+        if channel.role == "normal force":
+            nominal = f"{levels.normal_force:.12g} N"
+            stated = {"joint": channel.joint, "channel": channel.name, "nominal": nominal}
+            text += f"\n[[runs.normal_force]]\n{_lines(stated)}"
+    return text
 
 
 def _head(folder: Path, rig: RigFile) -> str:

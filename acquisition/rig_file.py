@@ -17,7 +17,7 @@ from ema.errors import InputError, UnitError
 from ema.tables import FileKind, Table, warn
 from ema.units import SI_UNIT, UNSTATED
 
-__all__ = ["FILE_NAME", "RigFile", "force_level", "load", "open_rig", "open_shaker", "steps", "wires"]
+__all__ = ["FILE_NAME", "RigFile", "force_level", "load", "normal_force", "open_rig", "open_shaker", "steps", "wires"]
 
 FILE_NAME = "rig.toml"
 FEWEST_CYCLES = 4.0
@@ -293,6 +293,29 @@ def force_level(rig: RigFile, text: str | None, folder: Path) -> float | None:
     if not 0 < level < float("inf"):
         raise InputError("not a force level", where="--level", got=text, expected='above 0, such as "30 N"')
     return level
+
+
+def normal_force(rig: RigFile, text: str | None, folder: Path) -> float | None:
+    """The normal force in N that every joint is to have; nothing where none is asked for.
+
+    Raises
+    ------
+    InputError : the rig measures none, or a text that is no force above 0.
+    """
+    if text is None:
+        return None
+    if not any(channel.role == "normal force" for channel in rig.channels):
+        raise InputError(
+            "the rig measures no normal force",
+            where=str(folder / FILE_NAME),
+            got=f"--normal-force {text!r}",
+            expected='a channel with role = "normal force"',
+            advice="add the load cell of the joint, or state the force in [[runs.normal_force]] of the campaign",
+        )
+    force = float(units.measure(text, "force")[0])
+    if not 0 < force < float("inf"):
+        raise InputError("not a normal force", where="--normal-force", got=text, expected='above 0, such as "1 kN"')
+    return force
 
 
 def open_rig(rig: RigFile) -> Source:

@@ -91,12 +91,14 @@ class Session:
         Returns what is wrong with a record.
     level : float, optional
         Force level [N] to which a shaker is controlled; the campaign states it.
+    normal_force : float, optional
+        Normal force [N] that every joint is to have; the campaign states it as nominal.
 
     Raises
     ------
     InputError
-        If the name is one that some disk cannot keep, the run was begun with other channels or at another level, or the
-        campaign cannot be understood.
+        If the name is one that some disk cannot keep, the run was begun with other channels, at another level or normal
+        force, or the campaign cannot be understood.
     FailureError
         If another session records into the folder, or it cannot be written.
 
@@ -118,6 +120,7 @@ class Session:
     run: str
     judge: Judge
     level: float | None = None
+    normal_force: float | None = None
     notes: tuple[str, ...] = field(init=False, default=())
     """What is to be known about files in the folder that do not count."""
     _takes: TakeFolder = field(init=False)
@@ -271,13 +274,16 @@ class Session:
         self._takes = TakeFolder.read(self.folder, self._journal.text)
         checked_run(self.run, {*self._takes.runs(), *campaign_entry.run_ids(self.folder)})
         self._refuse_other_channels()
-        if self.level is not None:
-            campaign_entry.refuse_other_level(self.folder, self.run, self.level)
+        campaign_entry.refuse_other_levels(self.folder, self.run, self._levels)
         notes = list(self._takes.notes)
         if any(one.accepted for one in self._takes.files if one.identity.run == self.run):
-            notes.append(campaign_entry.add_run(self.folder, self.rig, self.run, self.level))
+            notes.append(campaign_entry.add_run(self.folder, self.rig, self.run, self._levels))
         notes.append(self._journal.rebuild(self._takes.files))
         self.notes = tuple(note for note in notes if note)
+
+    @property
+    def _levels(self) -> campaign_entry.Levels:
+        return campaign_entry.Levels(self.level, self.normal_force)
 
     def _refuse_other_channels(self) -> None:
         names = tuple(channel.name for channel in self.rig.channels)
@@ -301,7 +307,7 @@ class Session:
         file = TakeFile(path, identity, not reasons, record.start, names, record.sampling_rate)
         self._takes.add(file)
         if not reasons:
-            campaign_entry.add_run(self.folder, self.rig, self.run, self.level)
+            campaign_entry.add_run(self.folder, self.rig, self.run, self._levels)
         trouble = self._journal.add(file, record)
         remarks = (*remarks, trouble) if trouble else remarks
         return Take(

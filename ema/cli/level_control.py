@@ -32,6 +32,30 @@ that holds the voltage. At resonance a fifth of its force does not reach the tab
 _ROLES = ("reference", "response", "normal force")
 
 
+def off_normal_force(record: Recording, wanted: float | None) -> tuple[Finding, ...]:
+    """One finding for each joint whose mean normal force over a take is not the one asked for, in N."""
+    if wanted is None:
+        return ()
+    means = {record.channels[row].joint: float(record.signals[row].mean()) for row in record.with_role("normal force")}
+    return tuple(
+        Finding.of(
+            "error",
+            "normal-force-level",
+            record.name,
+            "F_N of joint {joint} is {mean} N, {off} % off {wanted} N.",
+            mean / wanted - 1,
+            TOLERANCE,
+            advice="Tighten or loosen the joint; the same point is asked for again.",
+            joint=joint,
+            mean=f"{mean:.4g}",
+            off=f"{100 * (mean / wanted - 1):+.0f}",
+            wanted=f"{wanted:g}",
+        )
+        for joint, mean in means.items()
+        if not abs(mean / wanted - 1) <= TOLERANCE
+    )
+
+
 @runtime_checkable
 class Shaker(Protocol):
     """What is driven: a front end with a generator, or a model."""
@@ -71,16 +95,20 @@ def placed(record: Recording, rig: "RigFile", point: int) -> Recording:
 
 @dataclass(frozen=True)
 class ShakerAtLevel:
-    """Takes of a shaker at one force level; a `Source` once it is opened."""
+    """Takes of a shaker at one force level, and one normal force if it is asked for; a `Source` once it is opened."""
 
     rig: "RigFile"
     target: float
+    normal_force: float | None = None
 
     def opened(self) -> "LevelSource":
         """Open the device."""
         from acquisition import rig_file
 
-        shaker = VirtualShaker(self.rig) if self.rig.rig.device == "virtual" else rig_file.open_shaker(self.rig)
+        virtual = self.rig.rig.device == "virtual"
+        shaker = (
+            VirtualShaker(self.rig, self.normal_force or NORMAL_FORCE) if virtual else rig_file.open_shaker(self.rig)
+        )
         return LevelSource(self, shaker)
 
     def level(self, record: Recording) -> tuple[float, float]:
@@ -160,7 +188,7 @@ class LevelSource:
         return self.shaker.sampling_rate
 
     def takes(self) -> Iterator[Recording]:
-        """One stepped sine after the other, until `MISSES` in a row are off their level.
+        """One stepped sine after the other, until `MISSES` in a row are off their level or normal force.
 
         Raises
         ------
@@ -170,11 +198,9 @@ class LevelSource:
         while missed < MISSES:
             record = self.shaker.measure(command)
             yield record
-            if self.test.judge(record):
-                missed += 1
-                command = self._command()
-            else:
-                missed = 0
+            off_level = bool(self.test.judge(record))
+            missed = missed + 1 if off_level or off_normal_force(record, self.test.normal_force) else 0
+            command = self._command() if off_level else command
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -207,6 +233,7 @@ class VirtualShaker:
     """The built-in work table with its friction beam under a shaker; steady states with dry friction."""
 
     rig: "RigFile"
+    normal_force: float = NORMAL_FORCE
     count: int = 0
     findings: tuple[Finding, ...] = ()
     """What the model says of the last record."""
@@ -278,7 +305,7 @@ class VirtualShaker:
             replace(channel, dof=Dof.parse(dof)) for channel, dof in self._wired if channel.role == "response"
         )
         return FrictionRig(
-            work_table.with_beam(work_table.ABSORBER, NORMAL_FORCE),
+            work_table.with_beam(work_table.ABSORBER, self.normal_force),
             drive,
             responses,
             self.sampling_rate,

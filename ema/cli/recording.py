@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ema.cli.ending import FINDINGS, FINE, ends_well
-from ema.cli.level_control import LevelSource, ShakerAtLevel, placed
+from ema.cli.level_control import LevelSource, ShakerAtLevel, off_normal_force, placed
 from ema.data import Channel, Finding, FrfSet, Recording, Run, Source
 from ema.errors import EmaError, FailureError, InputError
 
@@ -51,6 +51,10 @@ def record(
         str | None,
         typer.Option("--level", help='Force of the shaker at resonance, such as "30 N": it is controlled to it.'),
     ] = None,
+    normal_force: Annotated[
+        str | None,
+        typer.Option("--normal-force", help='Normal force of every joint, such as "1 kN": takes off it do not count.'),
+    ] = None,
     show: Annotated[
         bool, typer.Option("--show", help="Show force, spectrum, FRF and coherence of every take in a browser.")
     ] = False,
@@ -73,13 +77,15 @@ def record(
         _write_rig(folder)
     rig = rig_file.load(folder)
     target = rig_file.force_level(rig, level, folder)
-    shaker = None if target is None else ShakerAtLevel(rig, target)
+    pressing = rig_file.normal_force(rig, normal_force, folder)
+    shaker = None if target is None else ShakerAtLevel(rig, target, pressing)
 
     def judge(record: Recording) -> tuple[Finding, ...]:
         of_source = source.findings if isinstance(source, LevelSource) else ()
-        return (*(check_impact if shaker is None else shaker.judge)(record), *of_source)
+        of_take = (check_impact if shaker is None else shaker.judge)(record)
+        return (*of_take, *off_normal_force(record, pressing), *of_source)
 
-    session = Session(folder, rig, run, judge, target)
+    session = Session(folder, rig, run, judge, target, pressing)
     print(f"{session.done} of {session.wanted} takes are in {folder}", flush=True)
     for note in session.notes:
         print(f"Note: {note}.", flush=True)

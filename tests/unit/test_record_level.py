@@ -1,6 +1,8 @@
 """`ema record --level`: the force of a shaker at resonance, on the virtual table and on openDAQ's simulated device."""
 
 import re
+import tomllib
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from acquisition import rig_file
 from ema import store
 from ema.cli.level_control import (
     DAMPING,
+    MISSES,
     MOVING_MASS,
     NORMAL_FORCE,
     TOLERANCE,
@@ -255,3 +258,58 @@ def test_bad_levels_are_one_sentence_and_lose_nothing(tmp_path, capsys):
     hammer = hammer.replace("[take]\n", '[take]\ntrigger = "force > 1 N"\n')
     assert "the rig has none" in refused("--run", "two", "--level", "6 N", rig=hammer)
     assert len(list((folder / "raw").iterdir())) == 1
+
+
+RING = """
+[[channels]]
+name = "ring J1"
+role = "normal force"
+unit = "N"
+joint = "{joint}"
+"""
+
+
+def test_takes_at_another_normal_force_do_not_count(tmp_path, capsys):
+    """The rings of the virtual hammer's table show 1020 N with 3 N of noise."""
+    folder = tmp_path / "hammer"
+    folder.mkdir()
+    (folder / "rig.toml").write_bytes((files("ema.datasets") / "virtual_rig.toml").read_bytes())
+
+    def record(force: str):
+        return ema_command(capsys, "record", folder, "--run", "beam", "--takes", 1, "--normal-force", force)
+
+    ended = record("1.1 kN")
+    assert ended.status == 1 and "is 1020 N, -7 % off 1100 N" in ended.out and not any((folder / "raw").iterdir())
+    assert record("1 kN").status == 0
+    table = tomllib.loads((folder / "campaign.toml").read_text())
+    (run,) = table["runs"]
+    assert [one["nominal"] for one in run["normal_force"]] == ["1000 N"] * len(table["joints"])
+    joints = acquisition.open_campaign(folder)["beam"].condition.joints
+    assert [one.mean for one in joints] == pytest.approx([1020.0] * len(joints), abs=1.0)
+    assert "begun at another normal force" in record("900 N").err
+    assert "a mass is not" in record("1 kg").err and "not a normal force" in record("0 N").err
+
+
+def test_a_normal_force_that_the_rig_does_not_measure_is_refused(tmp_path, capsys):
+    ended = ema_command(
+        capsys, "record", shaker_folder(tmp_path), "--level", "6 N", "--normal-force", "50 N", "--takes", 1
+    )
+    assert ended.status == 2 and "the rig measures no normal force" in ended.err
+
+
+def test_the_joints_of_the_virtual_table_have_the_normal_force_that_is_asked_for(tmp_path, capsys):
+    """And takes at another one end the command, for nobody stands at the shaker to tighten a joint."""
+    joint = work_table.with_beam(work_table.ABSORBER, NORMAL_FORCE).joints[0].name
+    text = (shaker_folder(tmp_path) / "rig.toml").read_text() + RING.format(joint=joint)
+    folder = shaker_folder(tmp_path / "shaker", text)
+    ended = ema_command(
+        capsys, "record", folder, "--run", "one", "--level", "6 N", "--normal-force", "60 N", "--takes", 1
+    )
+    assert ended.status == 0, ended.out
+    (take,) = (folder / "raw").iterdir()
+    record = store.load(take)
+    assert record.signals[record.with_role("normal force")[0]].mean() == pytest.approx(60.0, abs=1.0)
+    source = ShakerAtLevel(rig_file.load(folder), 6.0, 60.0).opened()
+    source.shaker.normal_force = 100.0
+    takes = list(source.takes())
+    assert len(takes) == MISSES and not any(source.test.judge(one) for one in takes)
