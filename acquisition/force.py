@@ -324,7 +324,9 @@ def _findings(forces: Sequence[JointForce], nominal: dict[str, float], sampled: 
         if not any(finding.code == "normal-force-none" for finding in of_sensor):
             findings += drift_findings(force, label, _TENTH if force.joint in sampled else None)
     known = [force for force in forces if force.known]
-    if between := against_other_joints(known, where):
+    if any(one.code == "normal-force-unit" for one in findings):  # scatter is what follows from it
+        return findings
+    if between := against_other_joints(known, nominal, where):
         return [*findings, *between]
     mean = float(np.mean([force.mean for force in known])) if known else 0.0
     if len(known) > 1 and mean:

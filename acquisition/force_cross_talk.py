@@ -83,13 +83,15 @@ class _Spectra:
 
     @classmethod
     def of(cls, record: Recording, joints: dict[str, str]) -> "_Spectra | None":
-        """``None`` where several forces act, nothing responds, or samples are no numbers."""
+        """``None`` where no force or several act, nothing responds, a force is none in N, or samples are no numbers."""
         forces, responses = record.with_role("reference"), record.with_role("response")
-        names = [channel.name for channel in record.channels]
-        rings = [names.index(channel) for channel in joints.values()]
-        rows = [*forces, *responses, *rings]
-        signals = np.asarray(record.signals, dtype=np.float64)[rows]
-        if len(forces) != 1 or not len(responses) or not np.all(np.isfinite(signals)):
+        rings = [row for name in joints.values() for row, one in enumerate(record.channels) if one.name == name]
+        signals = np.asarray(record.signals, dtype=np.float64)[[*forces, *responses, *rings]]
+        in_newtons = [
+            one.scaled and one.quantity == "force" for one in (record.channels[row] for row in (*forces, *rings))
+        ]
+        sound = all(in_newtons) and np.all(np.isfinite(signals)) and np.any(signals[: len(forces)])
+        if len(forces) != 1 or not len(responses) or len(rings) < len(joints) or not sound:
             return None
         # the line through a signal, which its mean and drift are, leaks into all lines
         place = np.linspace(-1.0, 1.0, signals.shape[1])
@@ -115,7 +117,7 @@ def _bands(spectra: Sequence[_Spectra]) -> list[slice]:
 
     if len({len(one.force) for one in spectra}) > 1:
         return []
-    force = np.mean([one.force / one.force.max() for one in spectra if one.force.max() > 0], axis=0)
+    force = np.mean([one.force / one.force.max() for one in spectra], axis=0)
     height = np.sum([one.response / np.maximum(one.force, 1e-300) for one in spectra], axis=0)
     excited = force >= _LEVEL**2 * force.max()
     first, last = int(np.argmax(excited)), len(excited) - int(np.argmax(excited[::-1]))

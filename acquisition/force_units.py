@@ -25,7 +25,7 @@ _PER_TORQUE = (70.0, 50_000.0)
 eight bolts M2 with 0.08. Of bolts M3 to M24 a thousandth and the thousandfold lie outside."""
 
 _OTHER_UNITS = {"lbf": 4.4482, "kgf": 9.80665}
-"""N of other units of force (ISO 80000-4)."""
+"""N of other units of force (NIST SP 811)."""
 
 _ADVICE = "Correct the unit of this joint in the campaign file, or its side data."
 
@@ -96,10 +96,14 @@ def _against_torque(force: JointForce, place: str) -> list[Finding]:
     ]
 
 
-def against_other_joints(forces: Sequence[JointForce], where: str) -> list[Finding]:
-    """A finding where joints of one run are a thousand times as much or as little pressed as its others."""
+def against_other_joints(forces: Sequence[JointForce], nominal: Mapping[str, float], where: str) -> list[Finding]:
+    """A finding where a joint of a run is a thousand times as much pressed as another, and not both have a nominal
+    force, which says which unit is meant.
+    """
     known = sorted((force for force in forces if force.mean > 0), key=lambda force: force.mean)
     if len(known) < 2 or not is_kilo(known[-1].mean / known[0].mean):
+        return []
+    if known[0].joint in nominal and known[-1].joint in nominal:
         return []
     low, high = known[0], known[-1]
     return [

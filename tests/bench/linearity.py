@@ -283,9 +283,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--n", type=int, default=60, help="tables to draw")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="number of the first table, to go on where a run ended")
     given = parser.parse_args()
     outcomes = []
-    for number in range(given.n):
+    for number in range(given.first, given.first + given.n):
         outcomes.append(outcome(drawn(given.seed, number)))
         one = outcomes[-1]
         print(f"{number:4d}  {one.kind:28s} {one.share:8.2%}  {one.verdict}", flush=True)

@@ -449,6 +449,12 @@ def test_kilonewtons_of_one_joint_are_noticed_by_the_others(tmp_path: Path) -> N
         run = opened(tmp_path, force(f'value = "{first}"') + force(f'value = "{second}"', "J2"), base=base)
         assert codes(run) == ["normal-force-unit"]
         assert "J1" in run.findings[0].message and "J2" in run.findings[0].message
+    one, other = force('value = "1.02 kN"\nnominal = "1 kN"'), 'value = "0.9 N"\nnominal = "{nominal}"'
+    run = opened(tmp_path, one + force(other.format(nominal="1 kN"), "J2"), base=base)
+    assert codes(run) == ["normal-force-unit"] and run.findings[0].where == "run beam, joint J2"
+    assert codes(opened(tmp_path, one + force(other.format(nominal="1 N"), "J2"), base=base)) == [
+        "normal-force-scatter"
+    ]
 
 
 @pytest.mark.parametrize("factor", [0.001, 1000.0])

@@ -92,6 +92,9 @@ def test_what_cannot_be_told_apart_is_not_named() -> None:
         for one in records
     ]
     assert not named(silent)
+    for changed in ({"unit": "unstated"}, {"unit": "V", "quantity": "voltage"}, {"name": "another"}):
+        cells = tuple(replace(one, **changed) if one.name == "ring J1" else one for one in records[0].channels)
+        assert not named([replace(one, channels=cells) for one in records])
     broken = [
         replace(one, signals=np.where(np.arange(one.signals.shape[1]) == 5, np.nan, one.signals)) for one in records
     ]
