@@ -19,12 +19,13 @@ from ema.estimate import (
     hammer_findings,
     local_model,
     spectra,
+    spectra_parts,
     stated_excitation,
     windows,
 )
 from ema.estimate.drift import Drift
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
-from ema.estimate.single_impacts import MOST
+from ema.estimate.single_impacts import KEPT, MOST
 from ema.estimate.spectra import Estimator, Spectra
 from ema.progress import Progress, advance, silent
 
@@ -142,7 +143,7 @@ def shaker(
         parts = local_frfs(run, records, block, progress)
         name = "H1 (local model)"
     else:
-        inputs = welch(run, records, cut, progress, drift)
+        inputs = welch(run, records, cut, progress, drift, parts=MOST)
         parts = welch_frfs(inputs, estimator, first.sampling_rate, cut.length)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
         name = estimator
@@ -228,15 +229,18 @@ def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tup
 
 
 def welch_frfs(found: Spectra, estimator: Estimator, rate: float, length: int) -> dict[str, Any]:
-    """Frequencies, FRFs, multiple coherence, variance and averages of Welch's method."""
+    """Frequencies, FRFs, multiple coherence, variance and averages of Welch's method, and how its parts differ."""
     values = spectra.frf(found, estimator)
     multiple = spectra.multiple_coherence(found)
+    changes = spectra_parts.deviations(found) if estimator == "H1" else None
     return {
         "frequencies": scipy.fft.rfftfreq(length, 1 / rate),
         "values": values,
         "coherence": np.repeat(multiple[:, :, None], values.shape[2], axis=2),
-        "variance": spectra.variance(found, multiple),
+        "variance": spectra.variance(found, multiple, spectra_parts.pooled_lines(found.averages)),
         "averages": np.full(values.shape[1:], found.averages),
+        "deviations": changes,
+        "output_correlation": None if changes is None else spectra_parts.output_correlation(values, changes),
     }
 
 
@@ -395,13 +399,26 @@ def local_block(samples: int, records: int = 1) -> int:
 
 
 def welch(
-    run: Run, records: Sequence[Recording], cut: Blocks, progress: Progress = silent, drift: Drift | None = None
+    run: Run,
+    records: Sequence[Recording],
+    cut: Blocks,
+    progress: Progress = silent,
+    drift: Drift | None = None,
+    *,
+    parts: int = 1,
 ) -> Spectra:
-    """Averaged spectra of all records without their drift, Hann window, overlapping blocks."""
+    """Averaged spectra of all records without their drift, Hann window, overlapping blocks, and what at most so many
+    ``parts`` add to them.
+    """
     first = records[0]
     layout = channels.layout(first, channels.describe(run, first))
-    sums: list[np.ndarray] | None = None
-    count, independent = 0, 0.0
+    counts = [max((record.signals.shape[1] - cut.length) // cut.step + 1, 0) for record in records]
+    total, independent = sum(counts), sum(independent_averages(count, cut) for count in counts if count)
+    size = 16 * (cut.length // 2 + 1) * len(layout.references) * (len(layout.references) + len(layout.responses))
+    # Parts of less than two independent averages are too much alike.
+    parts = int(max(min(parts, independent / 2, KEPT // size), 1))
+    sums: list[list[np.ndarray]] = [[] for _ in range(parts)]
+    before = 0
     for place, record in enumerate(records):
         where = channels.describe(run, record)
         this = channels.layout(record, where)
@@ -410,17 +427,23 @@ def welch(
         same_test(first.sampling_rate, layout, record.sampling_rate, this, where)
         record = (Drift() if drift is None else drift).off(record, this)
         rows = [*this.references, *this.responses]
-        blocks = 0
         for lines in transformed(record, rows, cut, where):
-            part = spectra.averaged(lines[:, : len(this.references)], lines[:, len(this.references) :], 1.0)
-            terms = [len(lines) * part.inputs, len(lines) * part.cross, len(lines) * part.outputs]
-            sums = terms if sums is None else [a + b for a, b in zip(sums, terms)]
-            blocks += len(lines)
-        count += blocks
-        independent += independent_averages(blocks, cut)
+            numbers = (before + np.arange(len(lines))) * parts // total
+            before += len(lines)
+            for number in np.unique(numbers):
+                own = lines[numbers == number]
+                part = spectra.averaged(own[:, : len(this.references)], own[:, len(this.references) :], 1.0)
+                terms = [len(own) / total * term for term in (part.inputs, part.cross, part.outputs)]
+                known = sums[number]
+                sums[number] = [a + b for a, b in zip(known, terms)] if known else terms
         advance(progress, "averaging records", place + 1, len(records))
-    assert sums is not None
-    return Spectra(sums[0] / count, sums[1] / count, sums[2] / count, independent)
+    lengths = np.bincount(np.arange(total) * parts // total)
+    added = [
+        Spectra(inputs, cross, outputs, independent_averages(int(count), cut))
+        for (inputs, cross, outputs), count in zip(sums, lengths, strict=True)
+    ]
+    inputs, cross, outputs = (np.sum(terms, axis=0) for terms in zip(*sums, strict=True))
+    return Spectra(inputs, cross, outputs, independent, tuple(added) if parts > 1 else ())
 
 
 def transformed(

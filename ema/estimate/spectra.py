@@ -27,12 +27,14 @@ class Spectra:
     cross : ``mean(Y U^H)``, shape (freq, out, in).
     outputs : ``mean(|Y|^2)``, shape (freq, out).
     averages : number of independent averages.
+    parts : what parts of the test that follow each other add to these spectra, where that was kept.
     """
 
     inputs: Complex[np.ndarray, "freq in in"]
     cross: Complex[np.ndarray, "freq out in"]
     outputs: Float[np.ndarray, "freq out"]
     averages: float
+    parts: tuple["Spectra", ...] = ()
 
 
 def averaged(u: Complex[np.ndarray, "avg in freq"], y: Complex[np.ndarray, "avg out freq"], averages: float) -> Spectra:

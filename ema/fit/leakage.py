@@ -11,27 +11,40 @@ which is a peak that is lower and broader. For the Hann window, with u = t / T,
     r(u) = (1 - u) (2/3 + 1/3 cos(2 pi u)) + sin(2 pi u) / (2 pi),
 
 and the transform of r(u) exp(p t) follows in closed form. The difference is taken off the measured FRFs with the modes
-of a fit, which is repeated until it converges. The force has to be about flat over each resonance.
+of a fit, which is repeated with Newton's steps until it converges (`Feedback`). The force has to be about flat over
+each resonance.
 """
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
-from jaxtyping import Complex
+import scipy.optimize
+from jaxtyping import Complex, Float, Int
 from scipy.sparse.csgraph import connected_components
 
 from ema.data import FrfSet
 from ema.shapes import mac
 from ema.units import DERIVATIVE_ORDER
 
-TURNS = 12
-"""Fits within which the correction has to converge. Blocks of six decay times 1 / d of the slowest mode needed two, of
-three times three to eight, and of 1.5 times some did not converge in twelve."""
-SETTLED = 0.04
-"""Energy, in units of the noise, by which the correction of two turns may differ: no value moves by more than 0.2
-standard deviations."""
+TURNS = 6
+"""Corrections within which the fit has to converge. Blocks of six and of three decay times 1 / d of the slowest mode
+needed three, of 1.5 and of one decay time five or six, and of 0.7 some did not converge in six."""
+SETTLED = 0.2
+"""Standard deviations by which a pole may still move from turn to turn."""
+NEGLIGIBLE = 0.04
+"""Energy of a correction, in units of the noise, up to which there is nothing to correct: no value would move by more
+than ``SETTLED``, the root of it."""
 RESOLVED = 1.5
 """Lines within which two peaks are one under a Hann window, whose half-power bandwidth is 1.44 lines (Harris 1978)."""
 ALIKE = 0.9
 """MAC of residues from which on poles that close are taken as one peak, for the initial guess alone."""
+REACH = 4.0
+"""Lines within which resonances take part in each other's correction: it falls with the third power of the distance."""
+RATES = (np.log(1e-3), np.log(1e3))
+"""Logarithms of the decay rates, in block lengths, among which a first guess is looked for."""
+FASTER = 3.0
+"""Factor by which one step may change a decay rate."""
 SEEN = 2.0
 """Change of a damping ratio by the correction, in its standard deviations, from which on a finding names it."""
 
@@ -62,28 +75,149 @@ def initial_guess(
     """Poles and residues without leakage, from those of FRFs with it: a first guess.
 
     A peak that blocks have broadened is no resonance, and may be described by several poles next to each other. Those
-    closer than the blocks resolve and alike are taken as one. The window is 1 at t = 0, so that their residues add up
-    to the true one; its decay rate follows from the height of the peak.
+    closer than the blocks resolve and alike are taken as one: the resonance whose broadened peak is closest to the FRFs
+    around it without the other poles, up to a constant.
     """
     assert frfs.record_length is not None
-    duration = frfs.record_length
+    duration, order = frfs.record_length, DERIVATIVE_ORDER[frfs.quantity]
     flat = residues.reshape(len(poles), -1)
     near = np.abs(poles.imag[:, None] - poles.imag) < RESOLVED * 2 * np.pi / duration
     count, group = connected_components(near & (mac(flat.T, flat.T) > ALIKE), directed=False)
-    rates = np.geomspace(1e-4, 1e3, 400)
-    heights = duration * _transform(rates[:, None].astype(complex)).real[:, 0]
     guess, total = np.empty(count, complex), np.empty((count, *residues.shape[1:]), complex)
     for number in range(count):
         members = np.flatnonzero(group == number)
-        total[number] = residues[members].sum(axis=0)
         energy = np.sum(np.abs(flat[members]) ** 2, axis=1)
         frequency = float(energy @ poles.imag[members] / energy.sum())
-        peak = np.sum(flat[members] / (1j * frequency - poles[members])[:, None], axis=0)
-        height = np.linalg.norm(peak) / max(np.linalg.norm(total[number]), np.finfo(float).tiny)
-        # The height falls with the decay rate.
-        rate = float(np.interp(np.log(height), np.log(heights[::-1]), rates[::-1])) / duration
-        guess[number] = -rate + 1j * frequency
+        around = np.abs(2 * np.pi * frfs.frequencies - frequency) <= (REACH + 0.5) * 2 * np.pi / duration
+        s, others = 2j * np.pi * frfs.frequencies[around], np.flatnonzero(group != number)
+        curve = np.asarray(frfs.values[around]).reshape(len(s), -1)
+        curve = curve - (poles[others] ** order / (s[:, None] - poles[others])) @ flat[others]
+        if len(s) < 5:
+            guess[number], total[number] = poles[members[0]], residues[members[0]]
+            continue
+        main = np.linalg.svd(curve, full_matrices=False)[0][:, 0]
+
+        def basis(x: Float[np.ndarray, "2"], s: Complex[np.ndarray, "line"] = s, centre: float = frequency) -> Any:
+            pole = (-np.exp(x[1]) + 1j * x[0]) / duration + 1j * centre
+            return np.stack([duration * _transform((s[:, None] - pole) * duration)[:, 0], np.ones(len(s))], axis=1)
+
+        def left(x: Float[np.ndarray, "2"], main: Complex[np.ndarray, "line"] = main, basis: Any = basis) -> Any:
+            directions = np.linalg.qr(basis(x))[0]
+            rest = main - directions @ (directions.conj().T @ main)
+            return np.concatenate([rest.real, rest.imag])
+
+        starts = [np.array([0.0, rate]) for rate in np.linspace(*RATES, 25)]
+        start = min(starts, key=lambda x: float(np.linalg.norm(left(x))))
+        best = scipy.optimize.least_squares(left, start, bounds=([-10, RATES[0] - 1], [10, RATES[1] + 1])).x
+        guess[number] = (-np.exp(best[1]) + 1j * best[0]) / duration + 1j * frequency
+        own = np.linalg.lstsq(basis(best), curve)[0][0] / guess[number] ** order
+        total[number] = own.reshape(residues.shape[1:])
     return guess, total
+
+
+Resonances = tuple[np.ndarray, np.ndarray]
+"""Poles (mode,) in rad/s and residues (mode, out, in) of the receptance."""
+
+
+def settled(before: Resonances, now: Resonances, std: Float[np.ndarray, "mode"]) -> bool:
+    """Whether resonances are where they were ``before``, within their standard deviations [rad/s]."""
+    partner = _partners(before, now)
+    if len(before[0]) != len(now[0]) or np.any(partner < 0):
+        return False
+    return bool(np.all(np.abs(now[0] - before[0][partner]) <= SETTLED * std))
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """How far the poles and sizes of resonances, taken out of corrected FRFs, follow those of the correction itself.
+
+    The correction E of a resonance changes with its pole p and size c as the resonance K does. Where the fit of
+    corrected FRFs moves by M d(p, c) when the correction is that of a resonance d(p, c) away,
+
+        M = -(K'^H W K')^-1 K'^H W E',
+
+    the solution lies (I - M)^-1 times as far away as the fit says, and so do the errors of the fit: of a peak that the
+    window has made little narrower than itself most of the width is the correction's.
+
+    ``groups`` are resonances closer than ``REACH`` lines, ``gains`` their (I - M)^-1 (of poles, then of relative
+    sizes), and ``variances`` (mode, 2) the factor on the variances of pole and size.
+    """
+
+    groups: tuple[Int[np.ndarray, "some"], ...]
+    gains: tuple[Complex[np.ndarray, "twice twice"], ...]
+    variances: Float[np.ndarray, "mode 2"]
+
+    def solution(self, before: Resonances, fitted: Resonances) -> Resonances:
+        """Where resonances are their own correction (Newton's step), from those ``before`` and those ``fitted`` then.
+
+        A resonance that was not there before stays where it is.
+        """
+        poles, residues = fitted[0].copy(), fitted[1].copy()
+        partner = _partners(before, fitted)
+        for group, gain in zip(self.groups, self.gains, strict=True):
+            if np.any(partner[group] < 0):
+                continue
+            former, pole = partner[group], fitted[0][group]
+            flat = fitted[1][group].reshape(len(group), -1)
+            size = np.sum(flat.conj() * before[1][former].reshape(len(group), -1), axis=1)
+            size /= np.maximum(np.sum(np.abs(flat) ** 2, axis=1), np.finfo(float).tiny)
+            moved = np.concatenate([pole - before[0][former], 1 - size])
+            step = gain @ moved - moved
+            rate = np.clip(-(pole + step[: len(group)]).real, -pole.real / FASTER, -pole.real * FASTER)
+            poles[group] = -rate + 1j * (pole + step[: len(group)]).imag
+            residues[group] *= (1 + step[len(group) :])[:, None, None]
+        return poles, residues
+
+
+def feedback(
+    frfs: FrfSet,
+    poles: Complex[np.ndarray, "mode"],
+    residues: Complex[np.ndarray, "mode out in"],
+    weights: Float[np.ndarray, "freq out in"],
+) -> Feedback:
+    """What the correction of resonances feeds back into their fit to receptances with ``weights``, on the last lines of
+    ``frfs``.
+    """
+    assert frfs.record_length is not None
+    duration, order = frfs.record_length, DERIVATIVE_ORDER[frfs.quantity]
+    s = 2j * np.pi * frfs.frequencies[-len(weights) :, None]
+    near = np.abs(poles.imag[:, None] - poles.imag) < REACH * 2 * np.pi / duration
+    count, number = connected_components(near, directed=False)
+    groups = tuple(np.flatnonzero(number == group) for group in range(count))
+
+    def correction(p: Complex[np.ndarray, "mode"]) -> Complex[np.ndarray, "freq mode"]:
+        return np.asarray((duration * _transform((s - p) * duration) - 1 / (s - p)) * (p / s) ** order)
+
+    step = 1e-4 / duration
+    resonance = np.concatenate([(s - poles) ** -2, 1 / (s - poles)], axis=1)
+    change = (correction(poles + step) - correction(poles - step)) / (2 * step)
+    change = np.concatenate([change, correction(poles)], axis=1)
+    gains, variances = [], np.ones((len(poles), 2))
+    for group in groups:
+        both = np.concatenate([group, len(poles) + group])
+        flat = residues[group]
+        shared = np.einsum("foi,aoi,boi->fab", weights, flat.conj(), flat, optimize=True)
+        shared = np.tile(shared, (1, 2, 2))
+        k, e = resonance[:, both], change[:, both]
+        information = np.einsum("fa,fab,fb->ab", k.conj(), shared, k, optimize=True)
+        other = np.einsum("fa,fab,fb->ab", k.conj(), shared, e, optimize=True)
+        inverse = np.linalg.pinv(information, hermitian=True)
+        gain = np.linalg.pinv(np.eye(len(both)) + inverse @ other)
+        spread = np.einsum("ab,bc,ac->a", gain, inverse, gain.conj()).real / np.diag(inverse).real
+        gains.append(gain)
+        variances[group] = np.maximum(spread.reshape(2, -1).T, 1)
+    return Feedback(groups, tuple(gains), variances)
+
+
+def _partners(before: Resonances, fitted: Resonances) -> Int[np.ndarray, "mode"]:
+    """Number of the former resonance that each resonance is, -1 where there is none or not one alone."""
+    if not len(before[0]):
+        return np.full(len(fitted[0]), -1)
+    distance = np.abs(fitted[0][:, None] - before[0])
+    nearest, back = np.argmin(distance, axis=1), np.argmin(distance, axis=0)
+    alike = mac(fitted[1].reshape(len(fitted[0]), -1).T, before[1].reshape(len(before[0]), -1).T)
+    rows = np.arange(len(nearest))
+    return np.where((back[nearest] == rows) & (alike[rows, nearest] > ALIKE), nearest, -1)
 
 
 def _transform(a: Complex[np.ndarray, "freq mode"]) -> Complex[np.ndarray, "freq mode"]:

@@ -95,9 +95,10 @@ class Estimate:
     """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`).
 
     ``shapes`` are residuals that have the shape of a peak; ``compared`` are the modes of the set-ups of a test;
-    ``full_set`` has the outputs of a set that is larger than memory; ``uncorrected`` (mode,) are the accepted poles
-    that FRFs of Hann blocks show before their leakage is taken off, ``former`` (mode,) those of the last fit but one
-    where that did not converge; ``stopped`` says that the search for poles was ended (`ema.fit.search.OPERATIONS`).
+    ``full_set`` has the outputs of a set that is larger than memory; ``uncorrected`` (mode,) are the poles
+    that FRFs of Hann blocks show before their leakage is taken off, ``solution`` (mode,) where the next step would take
+    the poles that have not converged in this; ``stopped`` says that the search for poles was ended
+    (`ema.fit.search.OPERATIONS`).
     """
 
     frfs: FrfSet
@@ -111,7 +112,7 @@ class Estimate:
     shapes: tuple[peak_shape.PeakShape, ...]
     compared: set_ups.Comparison | None = None
     uncorrected: Complex[np.ndarray, "first"] | None = None
-    former: Complex[np.ndarray, "last"] | None = None
+    solution: Complex[np.ndarray, "last"] | None = None
     full_set: FullSet | None = None
     stopped: bool = False
 
@@ -174,14 +175,14 @@ class Estimate:
         )
 
     def _unsettled(self, model: ModalModel) -> ModalModel:
-        """The model with what the last turn of taking off the leakage still changed in its intervals."""
-        if self.former is None or not len(self.former):
+        """The model with what the next turn of taking off the leakage would still change in its intervals."""
+        if self.solution is None or not len(self.solution):
             return model
-        before = self.former[np.argmin(np.abs(model.poles[:, None] - self.former), axis=1)]
+        after = self.solution[np.argmin(np.abs(model.poles[:, None] - self.solution), axis=1)]
         moved = np.stack(
             [
-                model.natural_frequencies - natural_frequencies(before),
-                model.damping_ratios - damping_ratios(before),
+                model.natural_frequencies - natural_frequencies(after),
+                model.damping_ratios - damping_ratios(after),
             ],
             axis=1,
         )
@@ -199,12 +200,12 @@ class Estimate:
             return ()
         return (
             Finding.of(
-                "info" if self.former is None else "warning",
+                "info" if self.solution is None else "warning",
                 "leakage",
                 f"{self.band.name or 'fit'}, {model.natural_frequencies[worst]:.6g} Hz",
                 "Hann blocks of {record_length} s are short for this vibration: without a correction its damping ratio "
                 "would be wrong by {change}. What the blocks do to the peaks was taken off."
-                if self.former is None
+                if self.solution is None
                 else "Hann blocks of {record_length} s are short for this vibration: without a correction its damping "
                 "ratio would be wrong by {change}. What the blocks do to the peaks was taken off. The correction did "
                 "not converge; the intervals were widened for it.",
@@ -288,27 +289,55 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
     """
     if not leakage.applies(band):
         return _once(band, poles, progress)
-    history, before, corrected, searches = [], np.zeros(band.values.shape, complex), band, 0
-    for turn in range(leakage.TURNS):
+    history, corrected, searches = [], band, 0
+    guess: leakage.Resonances | None = None
+    for turn in range(leakage.TURNS + 1):
         estimate = _once(corrected, poles, progress, searches)
         verdict = estimate.verdict
-        # Leakage may leave no pole certain enough for a mode: what is there says more of it than nothing.
-        modes = verdict.accepted if turn or np.any(verdict.accepted) else verdict.possible
+        # Leakage makes several uncertain poles of a peak: what is there says more of it than nothing.
+        modes = verdict.accepted if turn else verdict.possible
         if not np.any(modes):
             return estimate if searches else _once(corrected, poles, progress)
-        resonances = estimate.optimum.fit.poles[modes], _residues(estimate)[modes]
-        history.append(resonances[0])
-        excess = leakage.excess(band, *(leakage.initial_guess(band, *resonances) if turn == 0 else resonances))
-        settled = _in_noise(estimate, excess - before) < leakage.SETTLED
-        if settled and searches:
-            return replace(estimate, uncorrected=history[0])
+        fitted = estimate.optimum.fit.poles[modes], _residues(estimate)[modes]
+        history.append(fitted[0])
+        if guess is None:
+            settled = _in_noise(estimate, leakage.excess(band, *fitted)) < leakage.NEGLIGIBLE
+            step = fitted if settled else leakage.initial_guess(band, *fitted)
+        else:
+            feedback = _feedback(band, estimate, np.flatnonzero(modes))
+            std = np.sqrt(np.sum(np.abs(estimate.errors.poles[modes]) ** 2, axis=1) / 2 * feedback.variances[:, 0])
+            step = feedback.solution(guess, fitted)
+            settled = leakage.settled(guess, step, std)
+        if (settled and searches) or turn == leakage.TURNS:
+            errors = _with_feedback(band, estimate)
+            return replace(estimate, errors=errors, uncorrected=history[0], solution=None if settled else step[0])
         if settled:
-            searches = _SEARCHES
-            continue
-        before, corrected = excess, replace(band, values=band.values - excess)
-        poles = stabilise(corrected, np.unique(poles.order).tolist())
-    last = _once(corrected, poles, progress)
-    return replace(last, uncorrected=history[0], former=history[-1])
+            searches, guess = _SEARCHES, step if guess is None else guess
+        else:
+            guess, corrected = step, replace(band, values=band.values - leakage.excess(band, *step))
+            poles = stabilise(corrected, np.unique(poles.order).tolist())
+    raise AssertionError
+
+
+def _feedback(band: FrfSet, found: Estimate, some: Int[np.ndarray, "some"]) -> leakage.Feedback:
+    """How the correction of some poles acts on their fit."""
+    residues, weights = _residues(found)[some], found.optimum.data.weights.transpose(2, 0, 1)
+    if found.data.swapped:
+        weights = weights.transpose(0, 2, 1)
+    return leakage.feedback(band, found.optimum.fit.poles[some], residues, weights)
+
+
+def _with_feedback(band: FrfSet, found: Estimate) -> uncertainty.PoleErrors:
+    """Errors with what they do by way of the correction: of the modes together, of each other pole by itself."""
+    accepted = found.verdict.accepted
+    groups: list[np.ndarray] = []
+    gains: list[np.ndarray] = []
+    for some in (np.flatnonzero(accepted), *np.flatnonzero(found.verdict.possible & ~accepted)[:, None]):
+        if len(some):
+            own = _feedback(band, found, some)
+            groups += [some[group] for group in own.groups]
+            gains += own.gains
+    return uncertainty.amplified(found.errors, found.optimum.fit, groups, gains)
 
 
 def _residues(found: Estimate) -> Complex[np.ndarray, "pole out in"]:

@@ -4,6 +4,7 @@ Errors are followed from their causes: the shared unknowns (poles, participation
 of its own. An error is held as a factor: one complex number for each of a set of independent causes of unit variance.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,21 +49,76 @@ def errors_of(optimum: Refined) -> PoleErrors:
     """Errors of all poles of an optimum."""
     fit = optimum.fit
     root = estimator.root(fit, optimum.inflation)
-    modes, half = len(fit.poles), len(root) // 2
-    poles = root[:modes] + 1j * root[half : half + modes]
+    modes = len(fit.poles)
+    each = tuple(_errors(optimum, root, mode) for mode in range(modes))
+    scatter = np.array([_scatter(fit.shapes[:, 0, mode], each[mode]) for mode in range(modes)])
+    return _of_poles(fit, each, scatter.reshape(modes), root)
+
+
+def _of_poles(
+    fit: Fit, each: tuple[_Errors, ...], scatter: Float[np.ndarray, "pole"], root: Float[np.ndarray, "unknown cause"]
+) -> PoleErrors:
+    poles = np.array([mode.pole for mode in each], complex).reshape(len(each), root.shape[1])
     size = np.abs(fit.poles)[:, None]
     along = (fit.poles.conj()[:, None] * poles).real / size
     damping = -poles.real / size + fit.poles.real[:, None] * along / size**2
-    each = tuple(_errors(optimum, root, mode) for mode in range(modes))
-    scatter = np.array([_scatter(fit.shapes[:, 0, mode], each[mode]) for mode in range(modes)])
     return PoleErrors(
         poles=poles,
         frequency=np.linalg.norm(along, axis=1) / (2 * np.pi),
         damping=np.linalg.norm(damping, axis=1),
-        scatter=scatter.reshape(modes),
+        scatter=scatter,
         root=root,
         modes=each,
     )
+
+
+def amplified(
+    found: PoleErrors,
+    fit: Fit,
+    groups: Sequence[Int[np.ndarray, "some"]],
+    gains: Sequence[Complex[np.ndarray, "twice twice"]],
+) -> PoleErrors:
+    """Errors of resonances that go through linear maps: the ``gains`` act on the errors of the poles of a group, and
+    behind them on their relative errors of size.
+
+    Errors of size that each output makes by itself become two further causes for each resonance, of the variance that
+    they have together, beside what they are in the shapes.
+    """
+    modes = len(fit.poles)
+    pole = np.zeros((modes, found.root.shape[1] + 2 * modes), complex)
+    size = np.zeros_like(pole)
+    for number, errors in enumerate(found.modes):
+        psi = np.where(fit.shapes[:, 0, number] == 0, np.finfo(float).tiny, fit.shapes[:, 0, number])
+        own = np.sum(np.abs(errors.own / psi[:, None]) ** 2, axis=1)
+        weight = 1 / np.maximum(own, np.finfo(float).tiny)
+        weight /= weight.sum()
+        pole[number, : found.root.shape[1]] = errors.pole
+        size[number, : found.root.shape[1]] = weight @ (errors.shape / psi[:, None])
+        alone = np.sqrt(np.sum(weight**2 * own) / 2)
+        size[number, found.root.shape[1] + 2 * number :][:2] = alone, 1j * alone
+    new_pole, more = pole.copy(), np.zeros_like(size)
+    for group, gain in zip(groups, gains, strict=True):
+        some = len(group)
+        both = np.concatenate([pole[group], size[group]])
+        moved = gain @ both
+        new_pole[group] = moved[:some]
+        more[group] = moved[some:] - size[group]
+        # An error that is in the shapes already and one that is added to it count as independent.
+        for row, number in enumerate(group):
+            of_own = slice(found.root.shape[1] + 2 * number, found.root.shape[1] + 2 * number + 2)
+            larger = np.sqrt(max(abs(gain[some + row, some + row]) ** 2 - 1, 0.0))
+            more[number, of_own] = larger * size[number, of_own]
+    each = tuple(
+        _Errors(
+            pole=new_pole[number],
+            participation=np.pad(errors.participation, ((0, 0), (0, 2 * modes)))
+            + fit.participation[:, number, None] * more[number],
+            shape=np.pad(errors.shape, ((0, 0), (0, 2 * modes))),
+            own=errors.own,
+        )
+        for number, errors in enumerate(found.modes)
+    )
+    return _of_poles(fit, each, found.scatter, np.pad(found.root, ((0, 0), (0, 2 * modes))))
 
 
 def _scatter(psi: Complex[np.ndarray, "out"], errors: _Errors) -> float:

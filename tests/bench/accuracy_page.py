@@ -28,7 +28,7 @@ NOT_CONTAINED = (
     "noise explains are left out of the values, which have smaller errors without them; but that they are nothing is a "
     "guess by the same data, and wide modes and modes at the ends of the band resemble them.",
     "From a few points or impacts this is known badly. All modes determine the level together, what was seen of each is weighed "
-    "with it, and Student's t widens what exceeds the noise. Welch averages and sweeps keep no deviations. The intervals "
+    "with it, and Student's t widens what exceeds the noise. Sweeps keep no deviations. The intervals "
     "of shapes and residues hold the noise over lines alone, as if each FRF had noise of its own.",
     "They do not hold what all FRFs of one test share while each stays clean:",
     "- what changes between two tests: a moved sensor and its mass, temperature, suspension. A resonance that moves by a "

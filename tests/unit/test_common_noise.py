@@ -39,10 +39,10 @@ def measured(seed, *, unmeasured):
     return Run("random", Condition(Excitation("random")), (Recording(signals, RATE, tuple(channels)),))
 
 
-def judged(run, block):
+def judged(run, block, method="local"):
     """Errors of natural frequencies and damping ratios over what is stated, NaN where a mode was not found, shape
     (2, 2), and the number of other modes."""
-    frfs = shaker(run, block=block).band(10.0, 100.0)
+    frfs = shaker(run, method=method, block=block).band(10.0, 100.0)
     modes = ema.fit.modes(frfs, ema.fit.stabilise(frfs))
     errors = np.full((2, 2), np.nan)
     for row, (natural, zeta) in enumerate(zip(NATURAL, ZETA, strict=True)):
@@ -64,6 +64,16 @@ def test_a_force_that_was_not_measured_is_in_the_intervals(unmeasured, least, mo
     assert np.isnan(errors[:, :, 0]).sum() <= 2
     assert sum(others) == 0
     assert least < np.sqrt(np.nanmean(errors**2)) < most
+
+
+def test_averages_of_hann_blocks_know_what_their_ends_and_unmeasured_forces_add_to_all_responses():
+    """Fifteen averages of blocks of 2.7 decay times: a coherence of 0.6 at the peak by their ends alone. Errors were 6 to
+    13 standard deviations in the root mean square.
+    """
+    found, _ = zip(*(judged(measured(seed, unmeasured=0.01), 1024, "welch") for seed in range(200, 206)), strict=True)
+    errors = np.array(found)
+    assert np.isfinite(errors[:, 1]).all()
+    assert np.nanmax(np.abs(errors)) < 4
 
 
 def test_no_line_runs_away_where_responses_err_together():

@@ -68,6 +68,33 @@ def test_poles_are_those_of_the_structure(duration: float) -> None:
     assert np.max(np.abs(model.residues() - residues)) < 0.02 * np.abs(residues).max()
 
 
+@pytest.mark.parametrize("decays", [1.0, 1.5, 6.0])
+def test_intervals_hold_in_blocks_of_one_to_six_decay_times(decays: float) -> None:
+    """Of a peak that the window has made little narrower than itself most of the width is the window's: what is left of
+    it for the damping has the errors of both. Bounds are those of 8 draws of three modes: the rms of 24 normal errors is
+    below 0.4 or above 1.7 less than once in a million times.
+    """
+    clean = blocked(round(64 * decays / (2 * np.pi * 131 * 0.004)) / 64, noise=0.0)
+    rms = np.sqrt(np.mean(np.abs(clean.values) ** 2, axis=0) / 2)
+    poles, residues = [], []
+    for seed in range(8):
+        rng = np.random.default_rng([seed, 77])
+        noise = rng.standard_normal(clean.values.shape) + 1j * rng.standard_normal(clean.values.shape)
+        frfs = replace(clean, values=clean.values + 0.01 * rms * noise)
+        model = modes(frfs, stabilise(frfs))
+        assert len(model.poles) == 3
+        values = np.stack([model.natural_frequencies - NATURAL, model.damping_ratios - ZETA], axis=1)
+        poles.append(values / np.sqrt(model.covariance[:, [0, 1], [0, 1]]))
+        error, variance = model.residues() - truth().residues(), model.uncertainty.residues
+        residues.append(error.imag / np.sqrt(variance[..., 1, 1]))
+        if decays < 2:
+            assert "leakage" in {finding.code for finding in model.findings}
+    spread = np.sqrt(np.mean(np.square(poles), axis=(0, 1)))
+    assert spread.min() > 0.4
+    assert spread.max() < 1.7
+    assert 0.5 < np.sqrt(np.mean(np.square(residues))) < 1.5
+
+
 def test_blocks_that_are_long_enough_are_not_mentioned() -> None:
     frfs = blocked(60.0, noise=1e-1)
     model = modes(frfs, stabilise(frfs))
