@@ -50,7 +50,7 @@ _RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 """Power of the noise that passes through the structure over that of the sensors, on the average of the lines around a
 line: from none to no other."""
 
-_SEEN = 0.5
+_GAIN = 0.5
 """Gain of the logarithmic likelihood of a line, averaged as the noise levels are, from which on noise passes through
 the structure. Noise of sensors alone gains 0.1 on one line of twenty, and 0.5 on 0.4 % of the lines at most (peaks of
 1, 4 and 16 lines); a force beside the measured one, 0.3 % as strong, gains 9 on a quarter of the lines of twelve
@@ -268,8 +268,8 @@ def _line_weights(
         ]
     )
     likelihood = scipy.ndimage.uniform_filter1d(likelihood, _LEVEL * powers.shape[1], axis=1, mode="nearest")
-    seen = np.max(likelihood, axis=0) > likelihood[0] + _SEEN
-    ratio = np.where(seen, np.array(_RATIOS)[np.argmax(likelihood, axis=0)], 0.0)
+    gained = np.max(likelihood, axis=0) > likelihood[0] + _GAIN
+    ratio = np.where(gained, np.array(_RATIOS)[np.argmax(likelihood, axis=0)], 0.0)
     return np.asarray(1 / (1 + ratio[:, None] * gain))
 
 

@@ -290,7 +290,7 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
         "averages": np.full(values.shape[1:], float(single.count)),
         "deviations": _deviations(values, single),
         "effective_lines": np.average([lines for _, lines, _ in effective], axis=0, weights=counts),
-        "output_correlation": np.average([alike for _, _, alike in effective], axis=0, weights=counts),
+        "output_correlation": np.average([correlation for _, _, correlation in effective], axis=0, weights=counts),
         "findings": about_records(
             single, [first.channels[row].name for row in layout.responses], channels.describe(run)
         ),

@@ -347,8 +347,10 @@ def _with_scatter(
     by_themselves = None if effective_lines is None else flat.weights / effective_lines[-len(flat.s) :]
     of_poles, of_shapes = refinement.loss(flat, at_sample, by_themselves)
     if band.output_correlation is not None and band.inputs == packed.frfs.inputs:
-        alike = band.output_correlation[-len(flat.s) :, start.columns].T
-        of_poles = of_poles * output_correlation.factor(flat, at_sample, alike, int(np.count_nonzero(packed.alive)))
+        correlation = band.output_correlation[-len(flat.s) :, start.columns].T
+        of_poles = of_poles * output_correlation.factor(
+            flat, at_sample, correlation, int(np.count_nonzero(packed.alive))
+        )
     at_peaks = refinement.misfit_at_peaks(flat, at_sample) if optimum.misfit else np.ones(len(final.poles))
     factor = sums.factor(sums.used)
     change = scatter.Changes.of(sums.all_terms, factor, factor * of_poles)

@@ -95,10 +95,10 @@ class Estimate:
     """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`).
 
     ``shapes`` are residuals that have the shape of a peak; ``compared`` are the modes of the set-ups of a test;
-    ``full_set`` has the outputs of a set that is larger than memory; ``uncorrected`` (mode,) are the poles
-    that FRFs of Hann blocks show before their leakage is taken off, ``solution`` (mode,) where the next step would take
-    the poles that have not converged in this; ``stopped`` says that the search for poles was ended
-    (`ema.fit.search.OPERATIONS`).
+    ``full_set`` has the outputs of a set that is larger than memory; ``uncorrected`` (mode,) are the poles that FRFs of
+    Hann blocks show before their leakage is taken off, ``solution`` (mode,) where the next step would take the poles
+    that have not converged in this, ``feedback`` what it makes of errors; ``stopped`` says that the search for poles
+    was ended (`ema.fit.search.OPERATIONS`).
     """
 
     frfs: FrfSet
@@ -113,6 +113,7 @@ class Estimate:
     compared: set_ups.Comparison | None = None
     uncorrected: Complex[np.ndarray, "first"] | None = None
     solution: Complex[np.ndarray, "last"] | None = None
+    feedback: uncertainty.Gains = ()
     full_set: FullSet | None = None
     stopped: bool = False
 
@@ -133,10 +134,13 @@ class Estimate:
         def made(data: Prepared, optimum: Refined, errors: PoleErrors) -> ModalModel:
             return _model(self.band, data, *of_whole_vibration(optimum, errors, order, self.band), verdict, order)
 
+        def made_of_part(data: Prepared, optimum: Refined, errors: PoleErrors) -> ModalModel:
+            return made(data, optimum, uncertainty.amplified(errors, optimum.fit, self.feedback))
+
         if self.full_set is None:
             model = made(self.data, self.optimum, self.errors)
         else:
-            model = self.full_set.model(made)
+            model = self.full_set.model(made_of_part)
             model = replace(model, findings=(*model.findings, self.full_set.finding))
         model = replace(model, findings=(*model.findings, *companions(model)))
         if self.compared is not None and self.band.set_ups is not None:
@@ -254,7 +258,7 @@ def _of_file(frfs: FrfSet, band: FrfSet, poles: PoleTable, progress: Progress) -
         band=band,
         data=whole.data,
         optimum=whole.optimum,
-        errors=whole.errors,
+        errors=uncertainty.amplified(whole.errors, whole.optimum.fit, found.feedback),
         verdict=with_shapes(found.verdict, whole.errors.scatter, POLICY),
         full_set=whole,
     )
@@ -309,8 +313,10 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
             step = feedback.solution(guess, fitted)
             settled = leakage.settled(guess, step, std)
         if (settled and searches) or turn == leakage.TURNS:
-            errors = _with_feedback(band, estimate)
-            return replace(estimate, errors=errors, uncorrected=history[0], solution=None if settled else step[0])
+            own = _gains(band, estimate)
+            errors = uncertainty.amplified(estimate.errors, estimate.optimum.fit, own)
+            solution = None if settled else step[0]
+            return replace(estimate, errors=errors, uncorrected=history[0], solution=solution, feedback=own)
         if settled:
             searches, guess = _SEARCHES, step if guess is None else guess
         else:
@@ -327,17 +333,14 @@ def _feedback(band: FrfSet, found: Estimate, some: Int[np.ndarray, "some"]) -> l
     return leakage.feedback(band, found.optimum.fit.poles[some], residues, weights)
 
 
-def _with_feedback(band: FrfSet, found: Estimate) -> uncertainty.PoleErrors:
-    """Errors with what they do by way of the correction: of the modes together, of each other pole by itself."""
-    accepted = found.verdict.accepted
-    groups: list[np.ndarray] = []
-    gains: list[np.ndarray] = []
+def _gains(band: FrfSet, found: Estimate) -> uncertainty.Gains:
+    """What the correction makes of errors: of those of the modes together, of each other pole by itself."""
+    accepted, gains = found.verdict.accepted, []
     for some in (np.flatnonzero(accepted), *np.flatnonzero(found.verdict.possible & ~accepted)[:, None]):
         if len(some):
             own = _feedback(band, found, some)
-            groups += [some[group] for group in own.groups]
-            gains += own.gains
-    return uncertainty.amplified(found.errors, found.optimum.fit, groups, gains)
+            gains += [(some[group], gain) for group, gain in zip(own.groups, own.gains, strict=True)]
+    return tuple(gains)
 
 
 def _residues(found: Estimate) -> Complex[np.ndarray, "pole out in"]:

@@ -8,7 +8,7 @@ from ema.fit import estimator, output_correlation
 from ema.fit.candidates import inside
 from ema.fit.estimator import Fit, Observations
 from ema.fit.line_correlation import LineCorrelation
-from ema.fit.policy import POLICY, passes_for_mode
+from ema.fit.policy import POLICY
 
 _WIDTHS = (1, 3, 9, 27)
 """Lines over which the energy of the residual is added up; the bins of the selection resolve what is wider."""
@@ -48,7 +48,7 @@ def narrow_peaks(
     factor = max(fit.variance_factor(data), np.finfo(float).tiny)
     energy = estimator.profile(data, fit)[0].mean(axis=0) / (2 * factor)
     frfs, lines = data.outputs * data.references, LineCorrelation.of_noise(data, fit)
-    limit = factor * output_correlation.limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
+    limit = factor * output_correlation.limit_for_mode(data, fit)
     sharp = fit.poles[-2 * fit.poles.real <= data.line]
     found: list[tuple[float, complex, np.ndarray]] = []
     for line, width in _prominent(energy, frfs):

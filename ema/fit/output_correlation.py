@@ -9,6 +9,7 @@ from ema.data import FrfSet
 from ema.fit import estimator
 from ema.fit.estimator import Fit, Observations
 from ema.fit.line_correlation import LineCorrelation, sample
+from ema.fit.policy import passes_for_mode
 from ema.fit.prepare import Prepared
 
 _LAGS = 20
@@ -32,10 +33,10 @@ def mean_square(data: Observations, fit: Fit) -> float:
     if count < 2 or not lags:
         return 0.0
     power = np.sum(np.abs(rows) ** 2, axis=2)
-    seen = sum(np.sum(np.abs(np.sum(rows[:, lag:].conj() * rows[:, :-lag], axis=2)) ** 2) for lag in lags)
-    usual = sum(np.sum(power[:, lag:] * power[:, :-lag]) for lag in lags)
-    found = (float(seen / max(float(usual), np.finfo(float).tiny)) - 1 / count) / (1 - 1 / count)
-    return found if found > _CHANCE / (count * np.sqrt(power.size)) else 0.0
+    crossed = sum(np.sum(np.abs(np.sum(rows[:, lag:].conj() * rows[:, :-lag], axis=2)) ** 2) for lag in lags)
+    powers = sum(np.sum(power[:, lag:] * power[:, :-lag]) for lag in lags)
+    excess = (float(crossed / max(float(powers), np.finfo(float).tiny)) - 1 / count) / (1 - 1 / count)
+    return excess if excess > _CHANCE / (count * np.sqrt(power.size)) else 0.0
 
 
 def limit(data: Observations, fit: Fit, passes: Callable[[float], float]) -> float:
@@ -48,8 +49,13 @@ def limit(data: Observations, fit: Fit, passes: Callable[[float], float]) -> flo
     return passes(2 * (fewer + data.references)) * data.outputs / fewer
 
 
+def limit_for_mode(data: Observations, fit: Fit) -> float:
+    """Energy, over the variance factor, that noise passes for a mode with (`ema.fit.policy.passes_for_mode`)."""
+    return limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
+
+
 def factor(
-    flat: Observations, fit: Fit, alike: Float[np.ndarray, "in freq"] | None, outputs: int
+    flat: Observations, fit: Fit, correlation: Float[np.ndarray, "in freq"] | None, outputs: int
 ) -> Float[np.ndarray, "mode"]:
     """Variance of each pole over that for outputs that err independently, at least 1.
 
@@ -60,18 +66,18 @@ def factor(
 
     Parameters
     ----------
-    alike : correlation of the errors of outputs (`of_references`); ``None`` where it is not known.
+    correlation : correlation of the errors of outputs (`of_references`); ``None`` where it is not known.
     outputs : number of all outputs, of which ``flat`` and ``fit`` may have some.
     """
-    if alike is None or not len(fit.poles):
+    if correlation is None or not len(fit.poles):
         return np.ones(len(fit.poles))
     shapes = np.abs(fit.shapes[:, 0]) ** 2
     by_output = flat.weights[..., None] * shapes[:, None, None, :]
-    told = np.sum(by_output, axis=0)
-    number = told**2 / np.maximum(np.sum(by_output**2, axis=0), np.finfo(float).tiny) * outputs / flat.outputs
-    told = told * np.abs(flat.s[:, None] - fit.poles) ** -4 * np.abs(fit.participation[:, None, :]) ** 2
-    together = 1 + (number - 1) * alike[:, :, None]
-    return np.asarray(np.maximum(np.sum(told * together, axis=(0, 1)) / np.sum(told, axis=(0, 1)), 1))
+    information = np.sum(by_output, axis=0)
+    number = information**2 / np.maximum(np.sum(by_output**2, axis=0), np.finfo(float).tiny) * outputs / flat.outputs
+    information = information * np.abs(flat.s[:, None] - fit.poles) ** -4 * np.abs(fit.participation[:, None, :]) ** 2
+    together = 1 + (number - 1) * correlation[:, :, None]
+    return np.asarray(np.maximum(np.sum(information * together, axis=(0, 1)) / np.sum(information, axis=(0, 1)), 1))
 
 
 def of_references(
@@ -84,8 +90,8 @@ def of_references(
     if band.output_correlation is None or data.swapped:
         return None
     columns = [band.inputs.index(dof) for dof in data.references]
-    alike = band.output_correlation[-len(flat.s) :, columns].T
+    correlation = band.output_correlation[-len(flat.s) :, columns].T
     if known is None:
-        return alike
+        return correlation
     noise = known * flat.weights / (2 * np.abs(flat.s) ** (2 * data.derivative))
-    return np.asarray(alike * np.minimum(np.mean(noise, axis=0), 1))
+    return np.asarray(correlation * np.minimum(np.mean(noise, axis=0), 1))

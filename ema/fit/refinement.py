@@ -92,8 +92,8 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
     fit = estimator.with_orthogonal_matrices(flat, fit)
     factor = fit.variance_factor(flat)
     of_poles, of_shapes = loss(flat, fit, _by_themselves(flat, data.derivative, band, known))
-    alike = output_correlation.of_references(band, data, flat, known_variance(band, data)[0])
-    of_poles = of_poles * output_correlation.factor(flat, fit, alike, flat.outputs)
+    correlation = output_correlation.of_references(band, data, flat, known_variance(band, data)[0])
+    of_poles = of_poles * output_correlation.factor(flat, fit, correlation, flat.outputs)
     between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
     basis += of_what
     at_peaks = misfit_at_peaks(flat, fit) if misfit else np.ones(len(fit.poles))
@@ -349,9 +349,9 @@ def _pruned(
     while True:
         share = estimator.gains(data, fit) / max(fit.variance_factor(data), 1e-300)
         share /= LineCorrelation.of_noise(data, fit).factor(fit.poles)
-        at_its_place = output_correlation.limit(data, fit, lambda n: n + estimator.DOUBT * np.sqrt(2 * n))
+        outside = output_correlation.limit(data, fit, lambda n: n + estimator.DOUBT * np.sqrt(2 * n))
         in_band = output_correlation.limit(data, fit, search.passes_for_weak) * caution(fit.poles, fit.poles, data.line)
-        share /= np.where(chosen.possible[kept], in_band, at_its_place)
+        share /= np.where(chosen.possible[kept], in_band, outside)
         gone: list[int] = []
         for k in np.argsort(share):
             if share[k] > 1:

@@ -214,7 +214,7 @@ def passes_for_weak(freedom: float) -> float:
 
 def evidence(data: Observations, fit: Fit) -> Float[np.ndarray, "pole"]:
     """Energy that each pole explains over what a mode has to explain, for it does so somewhere in noise."""
-    level = output_correlation.limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
+    level = output_correlation.limit_for_mode(data, fit)
     level *= fit.variance_factor(data)
     noise = level * LineCorrelation.of_noise(data, fit).factor(fit.poles) * caution(fit.poles, fit.poles, data.line)
     return np.asarray(estimator.gains(data, fit) / np.maximum(noise, 1e-300))
@@ -242,7 +242,7 @@ class Noise:
     @classmethod
     def of(cls, data: Observations, fit: Fit) -> "Noise":
         """The noise that the residual of ``fit`` shows."""
-        limit = output_correlation.limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
+        limit = output_correlation.limit_for_mode(data, fit)
         power = estimator.profile(data, fit)[0]
         factor, scale = fit.variance_factor(data), max(float(power.mean()), 1e-300)
         factor = max(factor, 1e-300)

@@ -19,7 +19,7 @@ from ema.fit.line_correlation import LineCorrelation
 from ema.fit.narrow import TONE, tones
 from ema.fit.noise import NoiseLevel
 from ema.fit.overlap import another_mode
-from ema.fit.policy import POLICY, passes_for_mode
+from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
 from ema.fit.search import MISFIT, OPERATIONS, Noise, beyond, complete, hidden, misfit, prune, search
 from ema.messages import mark
@@ -331,7 +331,7 @@ def _again(data: Observations, fit: Fit) -> Fit:
 
 def _threshold(data: Observations, fit: Fit) -> float:
     """Energy that a mode fitted to noise alone exceeds, anywhere in the band, with the false-alarm probability."""
-    return output_correlation.limit(data, fit, lambda freedom: passes_for_mode(freedom, len(data.s)))
+    return output_correlation.limit_for_mode(data, fit)
 
 
 def _eliminate(

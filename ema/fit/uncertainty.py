@@ -4,7 +4,6 @@ Errors are followed from their causes: the shared unknowns (poles, participation
 of its own. An error is held as a factor: one complex number for each of a set of independent causes of unit variance.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,32 +71,35 @@ def _of_poles(
     )
 
 
-def amplified(
-    found: PoleErrors,
-    fit: Fit,
-    groups: Sequence[Int[np.ndarray, "some"]],
-    gains: Sequence[Complex[np.ndarray, "twice twice"]],
-) -> PoleErrors:
+Gains = tuple[tuple[np.ndarray, np.ndarray], ...]
+"""Poles (some,) of a group, and a linear map (2 some, 2 some) of the errors of these and of their relative sizes."""
+
+
+def amplified(found: PoleErrors, fit: Fit, gains: Gains) -> PoleErrors:
     """Errors of resonances that go through linear maps: the ``gains`` act on the errors of the poles of a group, and
     behind them on their relative errors of size.
 
     Errors of size that each output makes by itself become two further causes for each resonance, of the variance that
     they have together, beside what they are in the shapes.
     """
+    if not gains:
+        return found
     modes = len(fit.poles)
     pole = np.zeros((modes, found.root.shape[1] + 2 * modes), complex)
     size = np.zeros_like(pole)
     for number, errors in enumerate(found.modes):
-        psi = np.where(fit.shapes[:, 0, number] == 0, np.finfo(float).tiny, fit.shapes[:, 0, number])
+        # Errors of poles alone have no outputs.
+        psi = fit.shapes[: len(errors.own), 0, number]
+        psi = np.where(psi == 0, np.finfo(float).tiny, psi)
         own = np.sum(np.abs(errors.own / psi[:, None]) ** 2, axis=1)
         weight = 1 / np.maximum(own, np.finfo(float).tiny)
-        weight /= weight.sum()
+        weight /= max(weight.sum(), np.finfo(float).tiny)
         pole[number, : found.root.shape[1]] = errors.pole
         size[number, : found.root.shape[1]] = weight @ (errors.shape / psi[:, None])
         alone = np.sqrt(np.sum(weight**2 * own) / 2)
         size[number, found.root.shape[1] + 2 * number :][:2] = alone, 1j * alone
     new_pole, more = pole.copy(), np.zeros_like(size)
-    for group, gain in zip(groups, gains, strict=True):
+    for group, gain in gains:
         some = len(group)
         both = np.concatenate([pole[group], size[group]])
         moved = gain @ both

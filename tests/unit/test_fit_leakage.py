@@ -1,6 +1,7 @@
 """Random excitation in Hann blocks that are short for the damping: poles without the bias of the blocks."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from ema.dof import Dof
 from ema.estimate import shaker
 from ema.fit import modes, stabilise
 from ema.fit.modal import reconstruction_error
+from tests.unit.test_windows import written
 
 NATURAL, ZETA = np.array([92.0, 131.0, 178.0]), np.array([0.006, 0.004, 0.009])
 DOFS = tuple(Dof(node, "+Z") for node in range(1, 6))
@@ -100,6 +102,22 @@ def test_blocks_that_are_long_enough_are_not_mentioned() -> None:
     model = modes(frfs, stabilise(frfs))
     assert "leakage" not in {one.code for one in model.findings}
     assert len(model.poles) == 3
+
+
+def test_a_set_in_a_file_is_corrected_as_one_in_memory(tmp_path: Path) -> None:
+    clean, rng = blocked(1.44, noise=0.0), np.random.default_rng(3)
+    values = np.einsum("rb,fbi->fri", rng.standard_normal((60, 5)), clean.values)
+    std = 0.01 * np.sqrt(np.mean(np.abs(values) ** 2) / 2)
+    values += std * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    outputs = tuple(Dof(node, "+Z") for node in range(1, 61))
+    whole = replace(clean, values=values, outputs=outputs, variance=np.full(values.shape, 2 * std**2))
+    in_file = written(tmp_path / "blocks.h5", whole)
+    assert in_file.in_file
+    large, small = modes(in_file, stabilise(in_file)), modes(whole, stabilise(whole))
+    stated, of_memory = (np.sqrt(one.covariance[:, [0, 1], [0, 1]]) for one in (large, small))
+    assert np.allclose(stated, of_memory, rtol=0.01)
+    errors = np.stack([large.natural_frequencies - NATURAL, large.damping_ratios - ZETA], axis=1) / stated
+    assert np.abs(errors).max() < 5
 
 
 def test_the_reconstruction_has_the_leakage_of_the_measurement() -> None:
