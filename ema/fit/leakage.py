@@ -140,9 +140,11 @@ class Feedback:
     window has made little narrower than itself most of the width is the correction's.
 
     ``groups`` are resonances closer than ``REACH`` lines, ``gains`` their (I - M)^-1 (of poles, then of relative
-    sizes), and ``variances`` (mode, 2) the factor on the variances of pole and size.
+    sizes), and ``variances`` (mode, 2) the factor on the variances of pole and size; ``duration`` [s] is that of a
+    block.
     """
 
+    duration: float
     groups: tuple[Int[np.ndarray, "some"], ...]
     gains: tuple[Complex[np.ndarray, "twice twice"], ...]
     variances: Float[np.ndarray, "mode 2"]
@@ -162,10 +164,13 @@ class Feedback:
             size = np.sum(flat.conj() * before[1][former].reshape(len(group), -1), axis=1)
             size /= np.maximum(np.sum(np.abs(flat) ** 2, axis=1), np.finfo(float).tiny)
             moved = np.concatenate([pole - before[0][former], 1 - size])
-            step = gain @ moved - moved
-            rate = np.clip(-(pole + step[: len(group)]).real, -pole.real / FASTER, -pole.real * FASTER)
-            poles[group] = -rate + 1j * (pole + step[: len(group)]).imag
-            residues[group] *= (1 + step[len(group) :])[:, None, None]
+            of_pole, of_size = np.split(gain @ moved - moved, 2)
+            # Beyond a line, or half of a size, a linear step says nothing: there the fit is taken as it is.
+            if np.any(np.abs(of_pole) > 2 * np.pi / self.duration) or np.any(np.abs(of_size) > 0.5):
+                continue
+            rate = np.clip(-(pole + of_pole).real, -pole.real / FASTER, -pole.real * FASTER)
+            poles[group] = -rate + 1j * (pole + of_pole).imag
+            residues[group] *= (1 + of_size)[:, None, None]
         return poles, residues
 
 
@@ -206,7 +211,7 @@ def feedback(
         spread = np.einsum("ab,bc,ac->a", gain, inverse, gain.conj()).real / np.diag(inverse).real
         gains.append(gain)
         variances[group] = np.maximum(spread.reshape(2, -1).T, 1)
-    return Feedback(groups, tuple(gains), variances)
+    return Feedback(duration, groups, tuple(gains), variances)
 
 
 def _partners(before: Resonances, fitted: Resonances) -> Int[np.ndarray, "mode"]:
