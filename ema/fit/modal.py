@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.data.modal import COVERAGE_FACTOR
@@ -94,7 +94,8 @@ def modes(
 class Estimate:
     """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`).
 
-    ``shapes`` are residuals that have the shape of a peak; ``compared`` are the modes of the set-ups of a test;
+    ``shapes`` are residuals that have the shape of a peak, ``alone`` (pole,) the probability that a pole is not several
+    modes that overlap; ``compared`` are the modes of the set-ups of a test;
     ``full_set`` has the outputs of a set that is larger than memory; ``uncorrected`` (mode,) are the poles that FRFs of
     Hann blocks show before their leakage is taken off, ``solution`` (mode,) where the next step would take the poles
     that have not converged in this, ``feedback`` what it makes of errors; ``stopped`` says that the search for poles
@@ -110,6 +111,7 @@ class Estimate:
     verdict: Verdict
     dropped: tuple[Dropped, ...]
     shapes: tuple[peak_shape.PeakShape, ...]
+    alone: Float[np.ndarray, "pole"]
     compared: set_ups.Comparison | None = None
     uncorrected: Complex[np.ndarray, "first"] | None = None
     solution: Complex[np.ndarray, "last"] | None = None
@@ -315,8 +317,17 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
         if (settled and searches) or turn == leakage.TURNS:
             own = _gains(band, estimate)
             errors = uncertainty.amplified(estimate.errors, estimate.optimum.fit, own)
-            solution = None if settled else step[0]
-            return replace(estimate, errors=errors, uncorrected=history[0], solution=solution, feedback=own)
+            # A pole is a mode by what is known of it in the end.
+            verdict = _verdict(
+                band,
+                estimate.optimum,
+                errors,
+                verdict.possible,
+                alone=estimate.alone,
+                dropped=estimate.dropped,
+            )
+            estimate = replace(estimate, errors=errors, verdict=verdict, uncorrected=history[0], feedback=own)
+            return estimate if settled else replace(estimate, solution=step[0])
         if settled:
             searches, guess = _SEARCHES, step if guess is None else guess
         else:
@@ -383,10 +394,23 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress, searches: int = _S
             break
         chosen = reduced(chosen, optimum.kept[gone], "its residue and that of a neighbour add up to those of one mode")
     dropped = (*chosen.dropped, *optimum.dropped)
-    left_out = natural_frequencies(np.array([one.pole for one in dropped], complex))
-    verdict = judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out, added_decay=band.added_decay)
+    verdict = _verdict(band, optimum, errors, possible, alone=alone, dropped=dropped)
     shapes = peak_shape.examine(optimum, errors, verdict.possible)
-    return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes, stopped=chosen.stopped)
+    return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes, alone, stopped=chosen.stopped)
+
+
+def _verdict(
+    band: FrfSet,
+    optimum: Refined,
+    errors: PoleErrors,
+    possible: Bool[np.ndarray, "pole"],
+    *,
+    alone: Float[np.ndarray, "pole"],
+    dropped: Sequence[Dropped],
+) -> Verdict:
+    """What is said of the poles with these errors."""
+    left_out = natural_frequencies(np.array([one.pole for one in dropped], complex))
+    return judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out, added_decay=band.added_decay)
 
 
 def _changed(
