@@ -27,8 +27,6 @@ eight bolts M2 with 0.08. Of bolts M3 to M24 a thousandth and the thousandfold l
 _OTHER_UNITS = {"lbf": 4.4482, "kgf": 9.80665}
 """N of other units of force (NIST SP 811)."""
 
-_ADVICE = "Correct the unit of this joint in the campaign file, or its side data."
-
 
 def is_kilo(ratio: float) -> bool:
     """Whether a ratio of forces, or its inverse, is that of kN to N."""
@@ -63,7 +61,7 @@ def unit_findings(force: JointForce, nominal: float | None, place: str) -> list[
             "kN had been taken for N.",
             factor,
             1.0,
-            advice=_ADVICE,
+            advice="Correct the unit of this joint in the campaign file, or its side data.",
             share=f"{100 * share:.0f}",
             factor=f"{factor:.4g}",
             against=against,
@@ -80,7 +78,7 @@ def _against_torque(force: JointForce, place: str) -> list[Finding]:
         return []
     return [
         Finding.of(
-            "error",
+            "warning",
             "normal-force-unit",
             place,
             "The normal force is {mean} N, and a torque of {torque} N m gives {least} to {largest} N, by bolts from "
