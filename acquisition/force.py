@@ -358,23 +358,6 @@ def _against_nominal(force: JointForce, nominal: float | None, place: str) -> li
     if 1 / STATED_LIMIT <= ratio <= STATED_LIMIT or is_kilo(ratio):
         return []
     unit = other_unit(ratio, STATED_LIMIT)
-    if unit:
-        return [
-            Finding.of(
-                "warning",
-                "normal-force-not-as-stated",
-                place,
-                "The normal force is {mean} N, and {nominal} N are stated as nominal: the condition is the "
-                "one that was measured.",
-                ratio,
-                STATED_LIMIT,
-                advice="Look for {unit} taken for N, or N for {unit}, in the unit, the sensitivity and the nominal "
-                "force.",
-                mean=f"{force.mean:.4g}",
-                nominal=f"{nominal:.4g}",
-                unit=unit,
-            )
-        ]
     return [
         Finding.of(
             "warning",
@@ -384,9 +367,12 @@ def _against_nominal(force: JointForce, nominal: float | None, place: str) -> li
             "one that was measured.",
             ratio,
             STATED_LIMIT,
-            advice="Correct the nominal force, or the sensitivity and the zero of the load cell.",
+            advice="Look for {unit} taken for N, or N for {unit}, in the unit, the sensitivity and the nominal force."
+            if unit
+            else "Correct the nominal force, or the sensitivity and the zero of the load cell.",
             mean=f"{force.mean:.4g}",
             nominal=f"{nominal:.4g}",
+            unit=unit,
         )
     ]
 

@@ -45,6 +45,11 @@ RATES = (np.log(1e-3), np.log(1e3))
 """Logarithms of the decay rates, in block lengths, among which a first guess is looked for."""
 FASTER = 3.0
 """Factor by which one step may change a decay rate."""
+FARTHEST = 1.0
+"""Lines by which Newton's step may move a pole beyond its fit: that of a peak without width, for which I - M is nearly
+singular, would go anywhere."""
+LARGEST = 0.5
+"""Relative change of a size by Newton's step beyond its fit up to which it is taken."""
 SEEN = 2.0
 """Change of a damping ratio by the correction, in its standard deviations, from which on a finding names it."""
 
@@ -140,14 +145,13 @@ class Feedback:
     window has made little narrower than itself most of the width is the correction's.
 
     ``groups`` are resonances closer than ``REACH`` lines, ``gains`` their (I - M)^-1 (of poles, then of relative
-    sizes), and ``variances`` (mode, 2) the factor on the variances of pole and size; ``duration`` [s] is that of a
-    block.
+    sizes), and ``variances`` (mode,) the factor on the variance of each pole; ``duration`` [s] is that of a block.
     """
 
     duration: float
     groups: tuple[Int[np.ndarray, "some"], ...]
     gains: tuple[Complex[np.ndarray, "twice twice"], ...]
-    variances: Float[np.ndarray, "mode 2"]
+    variances: Float[np.ndarray, "mode"]
 
     def solution(self, before: Resonances, fitted: Resonances) -> Resonances:
         """Where resonances are their own correction (Newton's step), from those ``before`` and those ``fitted`` then.
@@ -165,8 +169,9 @@ class Feedback:
             size /= np.maximum(np.sum(np.abs(flat) ** 2, axis=1), np.finfo(float).tiny)
             moved = np.concatenate([pole - before[0][former], 1 - size])
             of_pole, of_size = np.split(gain @ moved - moved, 2)
-            # Beyond a line, or half of a size, a linear step says nothing: there the fit is taken as it is.
-            if np.any(np.abs(of_pole) > 2 * np.pi / self.duration) or np.any(np.abs(of_size) > 0.5):
+            # Beyond these a linear step says nothing: there the fit is taken as it is.
+            far = np.abs(of_pole) > FARTHEST * 2 * np.pi / self.duration
+            if np.any(far) or np.any(np.abs(of_size) > LARGEST):
                 continue
             rate = np.clip(-(pole + of_pole).real, -pole.real / FASTER, -pole.real * FASTER)
             poles[group] = -rate + 1j * (pole + of_pole).imag
@@ -197,7 +202,7 @@ def feedback(
     resonance = np.concatenate([(s - poles) ** -2, 1 / (s - poles)], axis=1)
     change = (correction(poles + step) - correction(poles - step)) / (2 * step)
     change = np.concatenate([change, correction(poles)], axis=1)
-    gains, variances = [], np.ones((len(poles), 2))
+    gains, variances = [], np.ones(len(poles))
     for group in groups:
         both = np.concatenate([group, len(poles) + group])
         flat = residues[group]
@@ -210,7 +215,7 @@ def feedback(
         gain = np.linalg.pinv(np.eye(len(both)) + inverse @ other)
         spread = np.einsum("ab,bc,ac->a", gain, inverse, gain.conj()).real / np.diag(inverse).real
         gains.append(gain)
-        variances[group] = np.maximum(spread.reshape(2, -1).T, 1)
+        variances[group] = np.maximum(spread[: len(group)], 1)
     return Feedback(duration, groups, tuple(gains), variances)
 
 

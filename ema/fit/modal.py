@@ -311,7 +311,7 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
             step = fitted if settled else leakage.initial_guess(band, *fitted)
         else:
             feedback = _feedback(band, estimate, np.flatnonzero(modes))
-            std = np.sqrt(np.sum(np.abs(estimate.errors.poles[modes]) ** 2, axis=1) / 2 * feedback.variances[:, 0])
+            std = np.sqrt(np.sum(np.abs(estimate.errors.poles[modes]) ** 2, axis=1) / 2 * feedback.variances)
             step = feedback.solution(guess, fitted)
             settled = leakage.settled(guess, step, std)
         if (settled and searches) or turn == leakage.TURNS:

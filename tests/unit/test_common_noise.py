@@ -67,8 +67,9 @@ def test_a_force_that_was_not_measured_is_in_the_intervals(unmeasured, least, mo
 
 
 def test_averages_of_hann_blocks_know_what_their_ends_and_unmeasured_forces_add_to_all_responses():
-    """Fifteen averages of blocks of 2.7 decay times: a coherence of 0.6 at the peak by their ends alone. Errors were 6 to
-    13 standard deviations in the root mean square.
+    """Fifteen averages of blocks of 2.7 decay times: a coherence of 0.6 at the peak by their ends alone. Without what
+    the correction of leakage does to errors the first four draws were 2 to 7 standard deviations off in frequency, and
+    up to 86 in damping ratio.
     """
     found, _ = zip(*(judged(measured(seed, unmeasured=0.01), 1024, "welch") for seed in range(200, 206)), strict=True)
     errors = np.array(found)
