@@ -29,7 +29,8 @@ from ema.units import DERIVATIVE_ORDER
 
 TURNS = 6
 """Corrections within which the fit has to converge. Blocks of six and of three decay times 1 / d of the slowest mode
-needed three, of 1.5 and of one decay time five or six, and of 0.7 some did not converge in six."""
+needed three, of 1.5 to 0.7 decay times three or four.
+"""
 SETTLED = 0.2
 """Standard deviations by which a pole may still move from turn to turn."""
 NEGLIGIBLE = 0.04
