@@ -36,6 +36,13 @@ def _words(node: ast.expr | None) -> str:
     return ""
 
 
+def _alternatives(node: ast.expr | None) -> list[str]:
+    """The texts an expression may be: both of a choice."""
+    if isinstance(node, ast.IfExp):
+        return [*_alternatives(node.body), *_alternatives(node.orelse)]
+    return [_words(node)]
+
+
 def _stated() -> tuple[dict[str, set[str]], dict[str, list[str]]]:
     """Severities and advice of each code, as the program states them."""
     severities: dict[str, set[str]] = defaultdict(set)
@@ -50,11 +57,11 @@ def _stated() -> tuple[dict[str, set[str]], dict[str, list[str]]]:
                 code = _words(given.get("code"))
                 texts = [_words(part) for part in ast.walk(given["severity"]) if isinstance(part, ast.Constant)]
                 severities[code].update(text for text in texts if text in ("info", "warning", "error"))
-                text = _words(given.get("advice"))
-                if ast.unparse(node.func) == "Finding.of":
-                    text = re.sub(r"\{\w+\}", "…", text)
-                if text.strip("…") and text not in advice[code]:
-                    advice[code].append(text)
+                for text in _alternatives(given.get("advice")):
+                    if ast.unparse(node.func) == "Finding.of":
+                        text = re.sub(r"\{\w+\}", "…", text)
+                    if text.strip("…") and text not in advice[code]:
+                        advice[code].append(text)
     return severities, advice
 
 
