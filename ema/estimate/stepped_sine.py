@@ -1,15 +1,15 @@
 """FRFs of a stepped sine: frequency after frequency, read by least squares of a sine and its harmonics."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import Finding, FrfSet, Provenance, Recording, Run
+from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
-from ema.estimate import channels, clipping, equal_channels, gain_changes, hammer_findings
+from ema.estimate import channels, clipping, equal_channels, gain_changes, hammer_findings, settling
 from ema.estimate.record_agreement import LEVEL, about_level
 from ema.progress import Progress, advance, silent
 
@@ -23,6 +23,8 @@ _FEWEST_CYCLES = 4.0
 """Cycles of the force below which its frequency and harmonics are not read."""
 _CLEAR = 5.0
 """Standard deviations of noise that a change between the halves of a record has to exceed."""
+_NAMED = 3
+"""Frequencies of free vibration that a finding names: those that were found first explain most."""
 
 
 GLIDES = 0.25
@@ -33,14 +35,16 @@ force is a sweep: 0 for steps, 0.1 where a generator glides for the first tenth 
 @dataclass(frozen=True)
 class Step:
     """One stay at a frequency [Hz]: amplitudes (channel, order) with the force first, the variance of those of order 1,
-    by how much each response over the force changed while it lasted (0 within noise), and the rise of the frequency
-    of the force from the first to the second half [Hz]."""
+    by how much each response over the force changed while it lasted (0 within noise), the rise of the frequency of the
+    force from the first to the second half [Hz], and what each block of the stays changes in the amplitudes of order 1
+    (none where no free vibration was taken off)."""
 
     frequency: float
     amplitudes: Complex[np.ndarray, "channel order"]
     noise: Float[np.ndarray, "channel"]
     moved: Float[np.ndarray, "out"]
     rise: float = 0.0
+    changes: Complex[np.ndarray, "block channel"] | None = None
 
 
 @dataclass(frozen=True)
@@ -166,6 +170,7 @@ def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) ->
     """
     records = channels.recordings_of(run)
     steps: list[Step] = []
+    stays: list[settling.Stay | None] = []
     layout, first, unsteady = None, None, 0.0
     for place, record in enumerate(records):
         where = channels.describe(run, record)
@@ -188,10 +193,14 @@ def stepped_test(run: Run, discard: float = 0.0, progress: Progress = silent) ->
             change, moved = _change(signals, frequency, rate)
             unsteady = max(unsteady, change)
             steps.append(Step(frequency, amplitudes, noise, moved, _rise(signals[0], frequency, rate)))
+            stays.append(settling.compress(signals, 2 * np.pi * frequency / rate, 1 / rate, HARMONICS))
         advance(progress, "reading steps", place + 1, len(records))
     assert layout is not None and first is not None
     _staying(steps, channels.describe(run))
-    return _joined(run, first, layout, steps, unsteady)
+    steady = settling.settled(stays, HARMONICS)
+    if steady is not None:
+        steps = [_without_free_vibration(step, steady, place) for place, step in enumerate(steps)]
+    return _joined(run, first, layout, steps, _about_settling(run, unsteady, steady))
 
 
 def _stays(record: Recording, rows: list[int], period: float, where: str) -> list[Float[np.ndarray, "channel sample"]]:
@@ -334,6 +343,21 @@ def _change(
     return (float(np.max(change[clear] / size[clear])) if clear.any() else 0.0), moved
 
 
+def _without_free_vibration(step: Step, steady: settling.Settled, place: int) -> Step:
+    """A stay with the steady amplitudes alone."""
+    amplitudes, left = steady.amplitudes[place], steady.left[place]
+    force = max(abs(amplitudes[0, 0]), 1e-300)
+    moved = (left[1:] + np.abs(amplitudes[1:, 0]) * left[0] / force) / force
+    return replace(
+        step,
+        frequency=float(steady.frequency[place]),
+        amplitudes=amplitudes,
+        noise=steady.variance[place],
+        moved=moved,
+        changes=steady.changes[:, place],
+    )
+
+
 def _over_force(
     amplitudes: Complex[np.ndarray, "channel"], noise: Float[np.ndarray, "channel"]
 ) -> tuple[Complex[np.ndarray, "out"], Float[np.ndarray, "out"]]:
@@ -359,8 +383,19 @@ def _repeated(group: list[Step], ratios: Complex[np.ndarray, "step out"]) -> tup
     return np.maximum(variance, scatter), float(np.max(np.where(clear, apart / np.maximum(np.abs(mean), 1e-300), 0.0)))
 
 
+def _deviations(group: list[Step]) -> Complex[np.ndarray, "block out"]:
+    """What the blocks of the stays change in the mean FRFs of those at one frequency: d(Y/F) = (dY - Y/F dF)/F."""
+    found = []
+    for step in group:
+        assert step.changes is not None
+        force = step.amplitudes[0, 0]
+        ratio = step.amplitudes[1:, 0] / force
+        found.append((step.changes[:, 1:] - ratio * step.changes[:, :1]) / force)
+    return np.asarray(np.mean(found, axis=0))
+
+
 def _joined(
-    run: Run, first: Recording, layout: channels.Layout, steps: list[Step], unsteady: float
+    run: Run, first: Recording, layout: channels.Layout, steps: list[Step], settling_findings: list[Finding]
 ) -> tuple[FrfSet, Steps]:
     """All steps in the order of their frequencies; those at one frequency averaged over the force."""
     where = channels.describe(run)
@@ -395,7 +430,16 @@ def _joined(
         *mixed,
         *hammer_findings.about_units(unit, where),
     ]
-    findings += _about_steps(apart, unsteady, where)
+    findings += [*_about_steps(apart, where), *settling_findings]
+    deviations = None
+    if steps[0].changes is not None:
+        # what the poles of the free vibration err by is common to all responses
+        each = np.array([_deviations(group) for group in groups]).transpose(1, 0, 2)[..., None]
+        numbers = np.arange(len(each))[:, None, None]
+        deviations = Deviations(each, np.broadcast_to(numbers, (len(each), *each.shape[2:])))
+        power = np.sum(np.abs(each[..., 0]) ** 2, axis=0)
+        common = np.mean(power / np.maximum(variance, np.finfo(float).tiny), axis=1, keepdims=True)
+        variance = list(np.array(variance) * np.maximum(common, 1))
     moved = np.array([np.max([step.moved for step in group], axis=0) for group in groups])
     # a response beats about its steady amplitude: what a line is off shows at its neighbours too
     around = np.lib.stride_tricks.sliding_window_view(np.pad(moved, ((2, 2), (0, 0)), mode="edge"), 5, axis=0)
@@ -408,6 +452,7 @@ def _joined(
         quantity=quantity,
         unit=unit,
         variance=spread_with_start[:, :, None],
+        deviations=deviations,
         estimator="sine fit",
         condition=run.condition,
         name=run.id,
@@ -428,37 +473,68 @@ def _by_frequency(steps: list[Step]) -> list[list[Step]]:
     return groups
 
 
-def _about_steps(apart: tuple[float, float], unsteady: float, where: str) -> list[Finding]:
-    """Findings on steps of one frequency that differ (by how much, at which frequency in Hz) and on steps that had not
-    settled (relative change within a record).
+def _about_steps(apart: tuple[float, float], where: str) -> list[Finding]:
+    """A finding on steps of one frequency that differ: by how much, at which frequency in Hz."""
+    if not apart[0] > LEVEL:
+        return []
+    return [
+        Finding.of(
+            "error",
+            "records-disagree",
+            where,
+            "what was measured more than once at {frequency} Hz differs by {difference} % from its mean.",
+            apart[0],
+            LEVEL,
+            advice="Leave out the records that are wrong; steps at another level are a run of their own.",
+            frequency=f"{apart[1]:.5g}",
+            difference=f"{100 * apart[0]:.0f}",
+        )
+    ]
+
+
+def _about_settling(run: Run, change: float, steady: settling.Settled | None) -> list[Finding]:
+    """Findings on stays in which a response changed relatively: that free vibration was taken off, or that they had not
+    settled.
     """
-    findings = []
-    if apart[0] > LEVEL:
-        findings.append(
-            Finding.of(
-                "error",
-                "records-disagree",
-                where,
-                "what was measured more than once at {frequency} Hz differs by {difference} % from its mean.",
-                apart[0],
-                LEVEL,
-                advice="Leave out the records that are wrong; steps at another level are a run of their own.",
-                frequency=f"{apart[1]:.5g}",
-                difference=f"{100 * apart[0]:.0f}",
-            )
+    where = channels.describe(run)
+    if steady is not None:
+        size = np.abs(steady.amplitudes[:, 1:, 0])
+        left = float(np.max(np.divide(steady.left[:, 1:], size, out=np.zeros_like(size), where=size > 0)))
+        if left <= UNSTEADY:
+            return _about_free_vibration(where, change, steady)
+        change = left
+    if change <= UNSTEADY:
+        return []
+    return [
+        Finding.of(
+            "warning" if change < UNUSABLE else "error",
+            "unsteady",
+            where,
+            "a response changes by {change} % while the force stays at a frequency: the structure had not settled, and "
+            "a joint was not at a steady amplitude.",
+            change,
+            UNSTEADY,
+            advice="Wait longer before recording, or discard the start of the records.",
+            change=f"{100 * change:.0f}",
         )
-    if unsteady > UNSTEADY:
-        findings.append(
-            Finding.of(
-                "warning" if unsteady < UNUSABLE else "error",
-                "unsteady",
-                where,
-                "a response changes by {change} % within a record: the structure had not settled, and a "
-                "joint was not at a steady amplitude.",
-                unsteady,
-                UNSTEADY,
-                advice="Wait longer before recording, or discard the start of the records.",
-                change=f"{100 * unsteady:.0f}",
-            )
+    ]
+
+
+def _about_free_vibration(where: str, change: float, steady: settling.Settled) -> list[Finding]:
+    """A finding where free vibration changed a response clearly, and was taken off."""
+    if change <= UNSTEADY:
+        return []
+    return [
+        Finding.of(
+            "info",
+            "unsteady",
+            where,
+            "a response changes by {change} % while the force stays at a frequency. Free vibration, most of it at "
+            "{frequencies} Hz, was taken off: the FRFs are those of the steady vibration.",
+            change,
+            UNSTEADY,
+            advice="Wait longer before recording where the vibration of a joint has to be steady.",
+            change=f"{100 * change:.0f}",
+            frequencies=", ".join(f"{frequency:.4g}" for frequency in sorted(steady.poles[:_NAMED].imag / (2 * np.pi))),
         )
-    return findings
+    ]

@@ -238,12 +238,16 @@ def test_a_stepped_sine_is_fitted_over_all_its_lines():
     assert default_band(whole, None)[0] == pytest.approx(21 * whole.frequency_step)
 
 
-def test_the_variance_of_steps_that_had_not_settled_contains_that():
+def test_the_free_vibration_of_steps_that_had_not_settled_is_taken_off():
+    """Each record begins at rest, and holds half a second more than the decay time of the resonance: responses change
+    by a fifth within it and more."""
     lines = np.linspace(38, 44, 25)
     frfs = stepped(run(steps(np.random.default_rng(16), lines, 1.0), "stepped sine"))
     error = np.abs(frfs.values - accelerance(frfs.frequencies).transpose(2, 0, 1)) ** 2
-    assert said(frfs, "unsteady")[0].severity == "error"
+    (finding,) = said(frfs, "unsteady")
+    assert finding.severity == "info" and finding.value > 0.2
     assert np.median(error / frfs.variance) < 4
+    assert np.sqrt(error.max()) < 0.03 * np.abs(frfs.values).max()
 
 
 def test_steps_at_one_frequency_that_differ_are_named():
