@@ -33,17 +33,21 @@ CHANCE = 1e-8
 tests."""
 SLOWEST = 0.1
 """Least decay in a stay (decay rate times its length): slower ones are steady."""
-_DECAYS = (0.1, 0.3, 1.0, 3.0)
-"""Decays in a stay from which a pole is looked for."""
+_DECAYS = (0.2, 0.8, 3.0)
+"""Decays in a stay from which a pole is looked for, at frequencies half of a main lobe apart."""
 _ROUNDING = 1e-20
 """Share of the power of a channel below which what is left of it is rounding."""
 _CONSTANT = 1e-6
 """Change of an exponential over a stay below which its derivative is that of a constant: closer to it, rounding exceeds
 the difference."""
 _STEPS = 20
+"""Steps of a fit; four to eight are enough from where a pole is looked for."""
 _DAMPED = 8
+"""Tries of a step, each damped five times as much."""
 _CONVERGED = 1e-9
+"""Gain of the logarithm of the likelihood at which a fit ends: standard deviations are at gains of a half."""
 _AT_ONCE = 4_000_000
+"""Values that are worked on at once."""
 
 
 @dataclass(frozen=True)
@@ -269,6 +273,9 @@ class _Fit:
         basis, triangle = np.linalg.qr(np.concatenate([data.vibration(rate)[0] for rate in rates], axis=-1))
         within = basis.transpose(0, 2, 1) @ data.sums
         left = data.sums - basis @ within
+        diagonal = np.einsum("kii->ki", triangle)  # a view: functions that are alike to rounding have no part each
+        least = np.finfo(float).eps * np.abs(diagonal).max(axis=1, keepdims=True)
+        diagonal[:] = np.where(np.abs(diagonal) < least, least, diagonal)
         rounding = np.maximum(_ROUNDING * np.sum(data.sums**2, axis=(0, 1)), np.finfo(float).tiny)
         return cls(poles, turn, basis, triangle, np.linalg.solve(triangle, within), left, rounding)
 
@@ -296,15 +303,14 @@ def _start(data: _Data, fit: _Fit) -> complex:
     """Where another pole explains most of what is left."""
     length, force = float(np.median(data.time)), data.turn / data.step
     reach = 0.5 * np.pi * data.blocks / length
-    low, high = float(force.min()) - reach, float(force.max()) + reach
     weights = 1 / fit.energy
+    places = np.arange(max(float(force.min()) - reach, 0) + 1 / length, float(force.max()) + reach, np.pi / length)
+    ends = [np.searchsorted(np.sort(force + sign * reach), places) for sign in (-1, 1)]
     best, found = np.inf, complex(-1 / length, float(force[0]))
-    for frequency in np.arange(low, high, 2 / length):
+    for frequency in places[ends[0] - ends[1] >= FEWEST_STAYS]:
         for decay in _DECAYS:
             pole = complex(-decay / length, frequency)
             near = data.near(pole)
-            if frequency <= 0 or not near.any():
-                continue
             functions = data.some(near).vibration(pole)[0]
             basis = fit.basis[near]
             functions = functions - basis @ (basis.transpose(0, 2, 1) @ functions)
@@ -376,7 +382,8 @@ class _Equations:
     def step(self, damping: float) -> tuple[Complex[np.ndarray, "pole"], Float[np.ndarray, "stay"]]:
         """Changes of the poles and of the frequencies of the force [rad/s]."""
         products, gradient = (part.sum(axis=0) for part in self.reduced(damping))
-        change = np.linalg.solve(products + damping * np.diag(np.diag(self.poles.sum(axis=0))), gradient)
+        damped = products + damping * np.diag(np.diag(self.poles.sum(axis=0)))
+        change = np.linalg.lstsq(damped, gradient)[0]
         return change[::2] + 1j * change[1::2], self.force_step(change, damping)
 
     def force_step(self, change: Float[np.ndarray, "unknown"], damping: float = 0.0) -> Float[np.ndarray, "stay"]:
@@ -445,7 +452,7 @@ def _left_out(data: _Data, fit: _Fit) -> Complex[np.ndarray, "block stay channel
     equations = _Equations.of(data, fit, weights)
     products, gradient = equations.reduced()
     freedom = len(data.turn) * fit.freedom
-    inverse = np.linalg.inv(products.sum(axis=0))
+    inverse = np.linalg.pinv(products.sum(axis=0), hermitian=True)
     by = []
     for unknown, size in enumerate(np.sqrt(np.diag(inverse) / freedom)):
         unit = size * np.eye(len(inverse))[unknown]
@@ -454,7 +461,7 @@ def _left_out(data: _Data, fit: _Fit) -> Complex[np.ndarray, "block stay channel
             _Fit.of(data, fit.poles + sign * (unit[::2] + 1j * unit[1::2]), fit.turn + sign * turn).first_order
             for sign in (1, -1)
         ]
-        by.append((ends[0] - ends[1]) / (2 * size))
+        by.append((ends[0] - ends[1]) / (2 * max(size, np.finfo(float).tiny)))
     found = []
     for group in range(FEWEST_STAYS):
         own = np.arange(len(data.turn)) % FEWEST_STAYS == group
@@ -464,7 +471,7 @@ def _left_out(data: _Data, fit: _Fit) -> Complex[np.ndarray, "block stay channel
             rest = own_data.without(block)
             rest_equations = _Equations.of(rest, _Fit.of(rest, fit.poles, turn), weights)
             of_rest = [part.sum(axis=0) for part in rest_equations.reduced()]
-            change = np.linalg.solve(others[0] + of_rest[0], others[1] + of_rest[1])
+            change = np.linalg.lstsq(others[0] + of_rest[0], others[1] + of_rest[1])[0]
             moved = turn + rest_equations.force_step(change) * rest.step
             amplitudes = np.einsum("u,usc->sc", change, np.array(by))
             again = _Fit.of(rest, fit.poles + change[::2] + 1j * change[1::2], moved).first_order
