@@ -8,8 +8,6 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
-    "accuracy, halves",
-    "accuracy, listed",
     "archive",
     "joint_law",
     "joint_maps",
