@@ -43,12 +43,18 @@ COARSE = 0.6
 At a resonance with two lines within its half-power bandwidth they change by 0.9, with four by 0.5.
 """
 
+CLEAR = 3.0
+"""Rms of an FRF on either side of a change over its standard deviation, from which on it is looked at: noise alone has
+1, and an FRF that rises out of noise is no gain that was switched."""
+
 ONE = np.ones(1)
 
 
 def about_gains(
     frequencies: Float[np.ndarray, "freq"],
     values: Complex[np.ndarray, "freq out"],
+    variance: Float[np.ndarray, "freq out"],
+    *,
     names: Sequence[str],
     where: str,
 ) -> tuple[Finding, ...]:
@@ -62,13 +68,21 @@ def about_gains(
         if steps.max() > COARSE:
             continue
         part, said = slice(start, start + 2 * SIDE), f"from {frequencies[start + SIDE]:.5g} Hz on"
-        for row, gain, chance in _changes(frequencies[part], values[part], later):
+        clear = np.flatnonzero(_clear(values[part], variance[part]))
+        for place, gain, chance in _changes(frequencies[part], values[part][:, clear], later) if len(clear) else ():
+            row = int(clear[place - 1]) + 1 if place else 0
             if chance < CHANCE / tests and chance < clearest.get(row, (np.inf, 0.0, ""))[0]:
                 clearest[row] = chance, gain, said
     if 0 in clearest:  # what changes all FRFs changes each, and the other way round
         by_force = clearest[0][0] <= min(chance for chance, _, _ in clearest.values())
         clearest = {row: one for row, one in clearest.items() if (row == 0) == by_force}
     return tuple(_finding(names[row], row == 0, *clearest[row][1:], where) for row in sorted(clearest))
+
+
+def _clear(values: Complex[np.ndarray, "line out"], variance: Float[np.ndarray, "line out"]) -> Bool[np.ndarray, "out"]:
+    """FRFs that stand out of their noise on both sides."""
+    power, noise = (one.reshape(2, SIDE, -1).sum(axis=1) for one in (np.abs(values) ** 2, variance))
+    return np.asarray(np.all(power >= CLEAR**2 * noise, axis=0))
 
 
 def _apart(values: Complex[np.ndarray, "freq out"]) -> Float[np.ndarray, "step"]:

@@ -422,7 +422,11 @@ def _joined(
     mixed = sorted(repeats, key=lambda finding: finding.value or 0.0)[-1:]
     names = [first.channels[row].name for row in (*layout.references, *layout.responses)]
     # the mean of steps that differ is no gain
-    gains = () if apart[0] > LEVEL else gain_changes.about_gains(frequencies, np.array(values), names, where)
+    gains = (
+        ()
+        if apart[0] > LEVEL
+        else gain_changes.about_gains(frequencies, np.array(values), np.array(variance), names=names, where=where)
+    )
     findings = [
         *clipping.about_records(run),
         *equal_channels.about_channels(run),
