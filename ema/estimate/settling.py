@@ -31,6 +31,9 @@ FEWEST_STAYS = 4
 CHANCE = 1e-8
 """Probability of a gain by noise below which another pole is believed: 100 places are looked at, so once in a million
 tests."""
+STATIONARY = 0.01
+"""Probability that vibration which something keeps up fades in as many stays, below which it is taken for free. Of 40
+poles of free vibration in stays of half a decay time 2 had more, of 40 that fitted a disturbance 1 had less."""
 SLOWEST = 0.1
 """Least decay in a stay (decay rate times its length): slower ones are steady."""
 _DECAYS = (0.2, 0.8, 3.0)
@@ -46,6 +49,8 @@ _DAMPED = 8
 """Tries of a step, each damped five times as much."""
 _CONVERGED = 1e-9
 """Gain of the logarithm of the likelihood at which a fit ends: standard deviations are at gains of a half."""
+_LARGEST = 50.0
+"""Growth in a stay up to which an exponential is computed."""
 _AT_ONCE = 4_000_000
 """Values that are worked on at once."""
 
@@ -421,7 +426,23 @@ def _beyond_noise(data: _Data, fit: _Fit, further: _Fit) -> bool:
         return bool(np.any(before > 100 * fit.rounding))
     noise = after[noisy] / (count * further.freedom)
     ratio = float(np.mean((before - after)[noisy] / (2 * count * noise)))
-    return bool(scipy.stats.f.sf(ratio, 2 * count * channels, count * channels * further.freedom) < CHANCE)
+    chance = scipy.stats.f.sf(ratio, 2 * count * channels, count * channels * further.freedom)
+    return bool(chance < CHANCE) and _fades(data, further, near)
+
+
+def _fades(data: _Data, fit: _Fit, near: Bool[np.ndarray, "stay"]) -> bool:
+    """Whether the vibration of the last pole fades within the stays, and does not grow as often.
+
+    What a disturbance keeps up at a resonance is narrow-banded too, but the same backwards in time: a pole that grows
+    as fast would explain it as well. It explains free vibration less well in nearly every stay (signed ranks, Wilcoxon
+    1945: common to all channels, and of any strength).
+    """
+    last = fit.poles[-1]
+    growth = min(-last.real, _LARGEST / float(data.time.max()))
+    growing = _Fit.of(data, np.append(fit.poles[:-1], complex(growth, last.imag)), fit.turn)
+    better = np.sum((growing.left**2 - fit.left**2) / fit.energy, axis=(1, 2))[near]
+    chance = float(scipy.stats.wilcoxon(better, alternative="greater").pvalue)
+    return chance <= max(STATIONARY, 0.5 ** len(better))
 
 
 def _steady(data: _Data, fit: _Fit, orders: int) -> Settled:
