@@ -196,6 +196,7 @@ class _Data:
 
     @classmethod
     def of(cls, stays: Sequence[Stay], orders: int) -> "_Data":
+        """The data of stays with equally many blocks."""
         turn, step = np.array([stay.turn for stay in stays]), np.array([stay.step for stay in stays])
         edges, sums = np.array([stay.edges for stay in stays]), np.array([stay.sums for stay in stays])
         plain, inverse = np.array([stay.plain for stay in stays]), np.array([stay.inverse for stay in stays])
@@ -275,6 +276,7 @@ class _Fit:
 
     @classmethod
     def of(cls, data: _Data, poles: Complex[np.ndarray, "pole"], turn: Float[np.ndarray, "stay"]) -> "_Fit":
+        """The fit by linear least squares, each stay and channel by itself."""
         rates = (1j * turn / data.step, *(complex(pole) for pole in poles))
         basis, triangle = np.linalg.qr(np.concatenate([data.vibration(rate)[0] for rate in rates], axis=-1))
         within = basis.transpose(0, 2, 1) @ data.sums
@@ -365,6 +367,7 @@ class _Equations:
 
     @classmethod
     def of(cls, data: _Data, fit: _Fit, weights: Float[np.ndarray, "channel"]) -> "_Equations":
+        """The equations at a fit, for the weights of the channels."""
         count, size = 2 * len(fit.poles), data.sums[0].size
         parts = []
         at_once = max(_AT_ONCE // ((count + 1) * size), 1)
@@ -432,7 +435,7 @@ def _beyond_noise(data: _Data, fit: _Fit, further: _Fit) -> bool:
 
 
 def _fades(data: _Data, fit: _Fit, near: Bool[np.ndarray, "stay"]) -> bool:
-    """Whether the vibration of the last pole fades within the stays, and does not grow as often.
+    """Whether the vibration of the last pole fades within the stays rather than grows.
 
     What a disturbance keeps up at a resonance is narrow-banded too, but the same backwards in time: a pole that grows
     as fast would explain it as well. It explains free vibration less well in nearly every stay (signed ranks, Wilcoxon

@@ -87,7 +87,9 @@ def run_of(records: Sequence[np.ndarray], period: float = float("nan"), kind: st
     return Run("steps", Condition(Excitation(kind, period=period)), takes)
 
 
-def test_of(structure: Structure, stay: float, rng: np.random.Generator, noise: float = 0.01, step: float = 0.5) -> Run:
+def recorded(
+    structure: Structure, stay: float, rng: np.random.Generator, noise: float = 0.01, step: float = 0.5
+) -> Run:
     """A test in one record: stays over the decay time, steps over the narrowest half-power bandwidth."""
     samples = max(round(stay * structure.decay_time * RATE), round(8 * RATE / BAND[0]))
     width = float(np.min(2 * structure.damping * structure.frequency))
@@ -130,7 +132,7 @@ def main() -> None:
         chi: list[float] = []
         for _ in range(args.draws):
             structure = Structure.draw(rng)
-            frfs = stepped(test_of(structure, stay, rng, 10 ** rng.uniform(-3, -1), rng.uniform(0.3, 1)))
+            frfs = stepped(recorded(structure, stay, rng, 10 ** rng.uniform(-3, -1), rng.uniform(0.3, 1)))
             assert frfs.variance is not None
             error = np.abs(frfs.values[:, :, 0] - structure.accelerance(frfs.frequencies)) ** 2
             chi.append(float(np.mean(error / frfs.variance[:, :, 0])))

@@ -239,8 +239,7 @@ def test_a_stepped_sine_is_fitted_over_all_its_lines():
 
 
 def test_the_free_vibration_of_steps_that_had_not_settled_is_taken_off():
-    """Each record begins at rest, and holds half a second more than the decay time of the resonance: responses change
-    by a fifth within it and more."""
+    """Each record begins at rest and holds three decay times of the resonance."""
     lines = np.linspace(38, 44, 25)
     frfs = stepped(run(steps(np.random.default_rng(16), lines, 1.0), "stepped sine"))
     error = np.abs(frfs.values - accelerance(frfs.frequencies).transpose(2, 0, 1)) ** 2
