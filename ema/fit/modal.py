@@ -10,7 +10,7 @@ from jaxtyping import Bool, Complex, Float, Int
 from ema.data import Candidate, Finding, FrfSet, ModalModel, PoleTable, Residuals, damping_ratios, natural_frequencies
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
-from ema.fit import channel_phase, leakage, noise, peak_shape, set_up_shifts, set_ups, uncertainty
+from ema.fit import broadening, channel_phase, noise, peak_shape, set_up_shifts, set_ups, smoothing, uncertainty
 from ema.fit.acceptance import Verdict, judge, surplus, with_shapes
 from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
@@ -96,10 +96,10 @@ class Estimate:
 
     ``shapes`` are residuals that have the shape of a peak, ``alone`` (pole,) the probability that a pole is not several
     modes that overlap; ``compared`` are the modes of the set-ups of a test;
-    ``full_set`` has the outputs of a set that is larger than memory; ``uncorrected`` (mode,) are the poles that FRFs of
-    Hann blocks show before their leakage is taken off, ``solution`` (mode,) where the next step would take the poles
-    that have not converged in this, ``feedback`` what it makes of errors; ``stopped`` says that the search for poles
-    was ended (`ema.fit.search.OPERATIONS`).
+    ``full_set`` has the outputs of a set that is larger than memory; ``shown`` is what makes peaks broader,
+    ``uncorrected`` (mode,) are the poles that FRFs show before it is taken off, ``solution`` (mode,) where the next
+    step would take the poles that have not converged in this, ``feedback`` what it makes of errors; ``stopped`` says
+    that the search for poles was ended (`ema.fit.search.OPERATIONS`).
     """
 
     frfs: FrfSet
@@ -113,6 +113,7 @@ class Estimate:
     shapes: tuple[peak_shape.PeakShape, ...]
     alone: Float[np.ndarray, "pole"]
     compared: set_ups.Comparison | None = None
+    shown: broadening.Broadening | None = None
     uncorrected: Complex[np.ndarray, "first"] | None = None
     solution: Complex[np.ndarray, "last"] | None = None
     feedback: uncertainty.Gains = ()
@@ -181,7 +182,7 @@ class Estimate:
         )
 
     def _unsettled(self, model: ModalModel) -> ModalModel:
-        """The model with what the next turn of taking off the leakage would still change in its intervals."""
+        """The model with what the next turn of taking off the broadening would still change in its intervals."""
         if self.solution is None or not len(self.solution):
             return model
         after = self.solution[np.argmin(np.abs(model.poles[:, None] - self.solution), axis=1)]
@@ -192,23 +193,46 @@ class Estimate:
             ],
             axis=1,
         )
-        return uncertainty.widened(model, moved**2, "what the correction of leakage leaves open")
+        return uncertainty.widened(model, moved**2, "what the correction of broadened peaks leaves open")
 
     def _leakage(self, model: ModalModel) -> tuple[Finding, ...]:
-        """What the blocks of a random test had done to the damping of these modes."""
+        """What the blocks of a random test, or an average over lines, had done to the damping of these modes."""
         if self.uncorrected is None or not len(self.uncorrected) or model.covariance is None or not len(model.poles):
             return ()
         nearest = np.argmin(np.abs(model.poles[:, None] - self.uncorrected), axis=1)
         change = damping_ratios(self.uncorrected[nearest]) - model.damping_ratios
         certain = np.abs(change) / np.sqrt(np.maximum(model.covariance[:, 1, 1], np.finfo(float).tiny))
         worst = int(np.argmax(certain))
-        if certain[worst] < leakage.SEEN:
+        if certain[worst] < broadening.SEEN:
             return ()
+        where = f"{self.band.name or 'fit'}, {model.natural_frequencies[worst]:.6g} Hz"
+        limit = float(broadening.SEEN * np.sqrt(model.covariance[worst, 1, 1]))
+        relative = f"{change[worst] / model.damping_ratios[worst]:+.1%}"
+        if isinstance(self.shown, broadening.LineAverage):
+            return (
+                Finding.of(
+                    "info" if self.solution is None else "warning",
+                    "smoothed-lines",
+                    where,
+                    "Each value is an average over {lines} frequency lines, as the noise shows: without a correction "
+                    "the damping ratio of this vibration would be wrong by {change}. What the average does to the "
+                    "peaks was taken off."
+                    if self.solution is None
+                    else "Each value is an average over {lines} frequency lines, as the noise shows: without a "
+                    "correction the damping ratio of this vibration would be wrong by {change}. What the average does "
+                    "to the peaks was taken off. The correction did not converge; the intervals were widened for it.",
+                    float(change[worst]),
+                    limit,
+                    advice="Fit FRFs that were not smoothed.",
+                    lines=len(self.shown.weights),
+                    change=relative,
+                ),
+            )
         return (
             Finding.of(
                 "info" if self.solution is None else "warning",
                 "leakage",
-                f"{self.band.name or 'fit'}, {model.natural_frequencies[worst]:.6g} Hz",
+                where,
                 "Hann blocks of {record_length} s are short for this vibration: without a correction its damping ratio "
                 "would be wrong by {change}. What the blocks do to the peaks was taken off."
                 if self.solution is None
@@ -216,10 +240,10 @@ class Estimate:
                 "ratio would be wrong by {change}. What the blocks do to the peaks was taken off. The correction did "
                 "not converge; the intervals were widened for it.",
                 float(change[worst]),
-                float(leakage.SEEN * np.sqrt(model.covariance[worst, 1, 1])),
+                limit,
                 advice="Use longer blocks, or the local model of the estimation, which has no leakage.",
                 record_length=f"{self.band.record_length:.4g}",
-                change=f"{change[worst] / model.damping_ratios[worst]:+.1%}",
+                change=relative,
             ),
         )
 
@@ -288,16 +312,20 @@ def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
 
 
 def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
-    """Fit and judge all poles of FRFs that show each mode once; what Hann blocks do to these is taken off.
+    """Fit and judge all poles of FRFs that show each mode once; what Hann blocks, or an average over lines, do to these
+    is taken off.
 
-    Leakage looks like further resonances: they are searched for once it is gone, and then the correction has to stay
-    what it is.
+    What they leave looks like further resonances: they are searched for once it is gone, and then the correction has to
+    stay what it is.
     """
-    if not leakage.applies(band):
+    shown = broadening.of(band)
+    if shown is None:
         return _once(band, poles, progress)
+    if isinstance(shown, broadening.LineAverage):
+        band = smoothing.marked(band, shown.weights)
     history, corrected, searches = [], band, 0
-    guess: leakage.Resonances | None = None
-    for turn in range(leakage.TURNS + 1):
+    guess: broadening.Resonances | None = None
+    for turn in range(broadening.TURNS + 1):
         estimate = _once(corrected, poles, progress, searches)
         verdict = estimate.verdict
         # Leakage makes several uncertain poles of a peak: what is there says more of it than nothing.
@@ -307,15 +335,15 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
         fitted = estimate.optimum.fit.poles[modes], _residues(estimate)[modes]
         history.append(fitted[0])
         if guess is None:
-            settled = _in_noise(estimate, leakage.excess(band, *fitted)) < leakage.NEGLIGIBLE
-            step = fitted if settled else leakage.initial_guess(band, *fitted)
+            settled = _in_noise(estimate, broadening.excess(shown, band, *fitted)) < broadening.NEGLIGIBLE
+            step = fitted if settled else broadening.initial_guess(shown, band, *fitted)
         else:
-            feedback = _feedback(band, estimate, np.flatnonzero(modes))
+            feedback = _feedback(shown, band, estimate, np.flatnonzero(modes))
             std = np.sqrt(np.sum(np.abs(estimate.errors.poles[modes]) ** 2, axis=1) / 2 * feedback.variances)
             step = feedback.solution(guess, fitted)
-            settled = leakage.settled(guess, step, std)
-        if (settled and searches) or turn == leakage.TURNS:
-            own = _gains(band, estimate)
+            settled = broadening.settled(guess, step, std)
+        if (settled and searches) or turn == broadening.TURNS:
+            own = _gains(shown, band, estimate)
             errors = uncertainty.amplified(estimate.errors, estimate.optimum.fit, own)
             # A pole is a mode by what is known of it in the end.
             verdict = _verdict(
@@ -326,30 +354,34 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
                 alone=estimate.alone,
                 dropped=estimate.dropped,
             )
-            estimate = replace(estimate, errors=errors, verdict=verdict, uncorrected=history[0], feedback=own)
+            estimate = replace(
+                estimate, errors=errors, verdict=verdict, shown=shown, uncorrected=history[0], feedback=own
+            )
             return estimate if settled else replace(estimate, solution=step[0])
         if settled:
             searches, guess = _SEARCHES, step if guess is None else guess
         else:
-            guess, corrected = step, replace(band, values=band.values - leakage.excess(band, *step))
+            guess, corrected = step, replace(band, values=band.values - broadening.excess(shown, band, *step))
             poles = stabilise(corrected, np.unique(poles.order).tolist())
     raise AssertionError
 
 
-def _feedback(band: FrfSet, found: Estimate, some: Int[np.ndarray, "some"]) -> leakage.Feedback:
+def _feedback(
+    shown: broadening.Broadening, band: FrfSet, found: Estimate, some: Int[np.ndarray, "some"]
+) -> broadening.Feedback:
     """How the correction of some poles acts on their fit."""
     residues, weights = _residues(found)[some], found.optimum.data.weights.transpose(2, 0, 1)
     if found.data.swapped:
         weights = weights.transpose(0, 2, 1)
-    return leakage.feedback(band, found.optimum.fit.poles[some], residues, weights)
+    return broadening.feedback(shown, band, found.optimum.fit.poles[some], residues, weights)
 
 
-def _gains(band: FrfSet, found: Estimate) -> uncertainty.Gains:
+def _gains(shown: broadening.Broadening, band: FrfSet, found: Estimate) -> uncertainty.Gains:
     """What the correction makes of errors: of those of the modes together, of each other pole by itself."""
     accepted, gains = found.verdict.accepted, []
     for some in (np.flatnonzero(accepted), *np.flatnonzero(found.verdict.possible & ~accepted)[:, None]):
         if len(some):
-            own = _feedback(band, found, some)
+            own = _feedback(shown, band, found, some)
             gains += [(some[group], gain) for group, gain in zip(own.groups, own.gains, strict=True)]
     return tuple(gains)
 
@@ -861,7 +893,8 @@ def _multiplicity(
 def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, Float[np.ndarray, "out in"]]:
     """Synthesise the FRFs of a model on the lines of measured ones, and compute their relative error.
 
-    What the window and the end of the record do is put back, so that both contain the same. A line at 0 Hz is left out.
+    What the window, the end of the record and an average over lines do is put back, so that both contain the same. A
+    line at 0 Hz is left out.
 
     Parameters
     ----------
@@ -890,9 +923,10 @@ def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, F
     quantity = "accelerance" if measured.quantity == "unstated" else measured.quantity
     rebuilt = synthesis.frfs(windowed, np.asarray(measured.frequencies), quantity, measured.outputs, measured.inputs)
     rebuilt = replace(rebuilt, quantity=measured.quantity, unit=measured.unit, added_decay=measured.added_decay)
-    if leakage.applies(measured):
+    shown = broadening.of(measured)
+    if shown is not None:
         own = synthesis.residues(model, measured.outputs, measured.inputs)
-        rebuilt = replace(rebuilt, values=rebuilt.values + leakage.excess(measured, model.poles, own))
+        rebuilt = replace(rebuilt, values=rebuilt.values + broadening.excess(shown, measured, model.poles, own))
     norm = np.linalg.norm(measured.values, axis=0)
     error = np.linalg.norm(rebuilt.values - measured.values, axis=0) / np.where(norm > 0, norm, 1)
     return rebuilt, error

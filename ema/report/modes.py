@@ -20,7 +20,7 @@ _WORDS = (
     mark("with a single average the coherence is 1 and says nothing"),
     mark("with the scatter between the set-ups"),
     mark("with what the shape of the residual amounts to"),
-    mark("with what the correction of leakage leaves open"),
+    mark("with what the correction of broadened peaks leaves open"),
     mark("noise that the FRFs share"),
     mark("scatter between the FRFs"),
     mark("scatter between the impacts"),

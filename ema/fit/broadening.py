@@ -1,4 +1,4 @@
-"""What the window of a random test does to the FRF: averaged Hann blocks multiply the impulse response.
+"""What makes the peaks of FRFs lower and broader: Hann blocks of a random test, and averages over frequency lines.
 
 Over stationary white excitation the expected cross spectrum of blocks of length T under a window w is the transform of
 h(t) r(t), with r(t) the correlation of the window with itself (Bendat and Piersol, Random Data;
@@ -10,9 +10,11 @@ which is a peak that is lower and broader. For the Hann window, with u = t / T,
 
     r(u) = (1 - u) (2/3 + 1/3 cos(2 pi u)) + sin(2 pi u) / (2 pi),
 
-and the transform of r(u) exp(p t) follows in closed form. The difference is taken off the measured FRFs with the modes
-of a fit, which is repeated with Newton's steps until it converges (`Feedback`). The force has to be about flat over
-each resonance.
+and the transform of r(u) exp(p t) follows in closed form. An average over lines shows the mean of 1 / (s - p) over
+these (`ema.fit.smoothing` tells from the FRFs whether they are one).
+
+The difference is taken off the measured FRFs with the modes of a fit, which is repeated with Newton's steps until it
+converges (`Feedback`). The force has to be about flat over each resonance.
 """
 
 from dataclasses import dataclass
@@ -24,6 +26,7 @@ from jaxtyping import Complex, Float, Int
 from scipy.sparse.csgraph import connected_components
 
 from ema.data import FrfSet
+from ema.fit import smoothing
 from ema.shapes import mac
 from ema.units import DERIVATIVE_ORDER
 
@@ -55,37 +58,81 @@ SEEN = 2.0
 """Change of a damping ratio by the correction, in its standard deviations, from which on a finding names it."""
 
 
-def applies(frfs: FrfSet) -> bool:
-    """Whether FRFs are known to be averages over Hann blocks of stationary excitation."""
-    return frfs.window == "hann" and frfs.record_length is not None and frfs.estimator == "H1"
+@dataclass(frozen=True)
+class HannBlocks:
+    """Averaged Hann blocks of stationary excitation, each ``duration`` [s] long."""
+
+    duration: float
+
+    def resonance(
+        self, s: Complex[np.ndarray, "freq one"], poles: Complex[np.ndarray, "mode"]
+    ) -> Complex[np.ndarray, "freq mode"]:
+        """Transform of the free vibration times the correlation of the window."""
+        return self.duration * _transform((s - poles) * self.duration)
+
+
+@dataclass(frozen=True)
+class LineAverage:
+    """Averages over neighbouring lines, ``step`` [rad/s] apart, with ``weights`` (line,), symmetric and of sum 1."""
+
+    weights: tuple[float, ...]
+    step: float
+
+    @property
+    def duration(self) -> float:
+        """Time [s] of Hann blocks whose half-power bandwidth is that of a mean over lines with as large a variance."""
+        lines = np.arange(len(self.weights)) - (len(self.weights) - 1) / 2
+        count = float(np.sqrt(12 * (np.array(self.weights) @ lines**2) + 1))
+        return RESOLVED * 2 * np.pi / (count * self.step)
+
+    def resonance(
+        self, s: Complex[np.ndarray, "freq one"], poles: Complex[np.ndarray, "mode"]
+    ) -> Complex[np.ndarray, "freq mode"]:
+        """Average of the resonance over lines."""
+        middle = (len(self.weights) - 1) / 2
+        return sum(
+            (weight / (s + 1j * (line - middle) * self.step - poles) for line, weight in enumerate(self.weights)),
+            start=np.zeros((len(s), len(poles)), complex),
+        )
+
+
+Broadening = HannBlocks | LineAverage
+"""What a resonance looks like in FRFs; ``duration`` is that of Hann blocks that broaden peaks as much."""
+
+
+def of(frfs: FrfSet) -> Broadening | None:
+    """What has broadened the peaks of FRFs, where that is known of them or seen in them."""
+    if frfs.window == "hann" and frfs.record_length is not None and frfs.estimator == "H1":
+        return HannBlocks(frfs.record_length)
+    weights = smoothing.weights(frfs)
+    return None if weights is None else LineAverage(weights, 2 * np.pi * frfs.frequency_step)
 
 
 def excess(
-    frfs: FrfSet, poles: Complex[np.ndarray, "mode"], residues: Complex[np.ndarray, "mode out in"]
+    shown: Broadening, frfs: FrfSet, poles: Complex[np.ndarray, "mode"], residues: Complex[np.ndarray, "mode out in"]
 ) -> Complex[np.ndarray, "freq out in"]:
-    """What Hann blocks add to FRFs of modes (poles in rad/s, residues of the receptance), in their quantity."""
-    assert frfs.record_length is not None
+    """What is added to FRFs of modes (poles in rad/s, residues of the receptance), in their quantity."""
     s = 2j * np.pi * frfs.frequencies[:, None]
-    order, duration = DERIVATIVE_ORDER[frfs.quantity], frfs.record_length
+    order = DERIVATIVE_ORDER[frfs.quantity]
     result = np.zeros(frfs.values.shape, complex)
-    # The n-th derivative of a free vibration has the residue p^n R; impulses at t = 0 are not touched by the window.
+    # The n-th derivative of a free vibration has the residue p^n R; impulses at t = 0, polynomials in s, stay as they
+    # are under a window and in a symmetric average.
     for p, r in ((poles, residues), (poles.conj(), residues.conj())):
-        change = duration * _transform((s - p) * duration) - 1 / (s - p)
+        change = shown.resonance(s, p) - 1 / (s - p)
         result += np.tensordot(change, p[:, None, None] ** order * r, 1)
     return result
 
 
 def initial_guess(
-    frfs: FrfSet, poles: Complex[np.ndarray, "mode"], residues: Complex[np.ndarray, "mode out in"]
+    shown: Broadening, frfs: FrfSet, poles: Complex[np.ndarray, "mode"], residues: Complex[np.ndarray, "mode out in"]
 ) -> tuple[Complex[np.ndarray, "left"], Complex[np.ndarray, "left out in"]]:
-    """Poles and residues without leakage, from those of FRFs with it: a first guess.
+    """Poles and residues as they are, from those of broadened peaks: a first guess.
 
-    A peak that blocks have broadened is no resonance, and may be described by several poles next to each other. Those
-    closer than the blocks resolve and alike are taken as one: the resonance whose broadened peak is closest to the FRFs
+    A peak that was broadened is no resonance, and may be described by several poles next to each other. Those
+    closer than such FRFs resolve and alike are taken as one: the resonance whose broadened peak is closest to the FRFs
     around it without the other poles, up to a constant.
     """
-    assert frfs.record_length is not None
-    duration, order = frfs.record_length, DERIVATIVE_ORDER[frfs.quantity]
+    duration, order = shown.duration, DERIVATIVE_ORDER[frfs.quantity]
     flat = residues.reshape(len(poles), -1)
     near = np.abs(poles.imag[:, None] - poles.imag) < RESOLVED * 2 * np.pi / duration
     count, group = connected_components(near & (mac(flat.T, flat.T) > ALIKE), directed=False)
@@ -105,7 +152,7 @@ def initial_guess(
 
         def basis(x: Float[np.ndarray, "2"], s: Complex[np.ndarray, "line"] = s, centre: float = frequency) -> Any:
             pole = (-np.exp(x[1]) + 1j * x[0]) / duration + 1j * centre
-            return np.stack([duration * _transform((s[:, None] - pole) * duration)[:, 0], np.ones(len(s))], axis=1)
+            return np.stack([shown.resonance(s[:, None], np.array([pole]))[:, 0], np.ones(len(s))], axis=1)
 
         def left(x: Float[np.ndarray, "2"], main: Complex[np.ndarray, "line"] = main, basis: Any = basis) -> Any:
             directions = np.linalg.qr(basis(x))[0]
@@ -181,6 +228,7 @@ class Feedback:
 
 
 def feedback(
+    shown: Broadening,
     frfs: FrfSet,
     poles: Complex[np.ndarray, "mode"],
     residues: Complex[np.ndarray, "mode out in"],
@@ -189,15 +237,14 @@ def feedback(
     """What the correction of resonances feeds back into their fit to receptances with ``weights``, on the last lines of
     ``frfs``.
     """
-    assert frfs.record_length is not None
-    duration, order = frfs.record_length, DERIVATIVE_ORDER[frfs.quantity]
+    duration, order = shown.duration, DERIVATIVE_ORDER[frfs.quantity]
     s = 2j * np.pi * frfs.frequencies[-len(weights) :, None]
     near = np.abs(poles.imag[:, None] - poles.imag) < REACH * 2 * np.pi / duration
     count, number = connected_components(near, directed=False)
     groups = tuple(np.flatnonzero(number == group) for group in range(count))
 
     def correction(p: Complex[np.ndarray, "mode"]) -> Complex[np.ndarray, "freq mode"]:
-        return np.asarray((duration * _transform((s - p) * duration) - 1 / (s - p)) * (p / s) ** order)
+        return np.asarray((shown.resonance(s, p) - 1 / (s - p)) * (p / s) ** order)
 
     step = 1e-4 / duration
     resonance = np.concatenate([(s - poles) ** -2, 1 / (s - poles)], axis=1)
