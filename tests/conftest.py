@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 from pathlib import Path
 
 import jaxtyping
@@ -14,6 +15,10 @@ from ema.fingerprint import compiled_modules
 from tests.checked_types import checked
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# Compiled modules are kept, whatever the environment says: without them every process of the tests compiles all of them.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # One thread: several test processes share the cores, and idle threads of linear algebra would take them from each other.
 threadpool_limits(1, user_api="blas")
@@ -84,11 +89,32 @@ def unfitted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ema.cli.checking.QUICK", 0)
 
 
+def _of_everything(config: pytest.Config) -> bool:
+    """Whether no files were named: the command of the README."""
+    return config.args_source is not pytest.Config.ArgsSource.ARGS
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """A process for each core where everything is run, and no further process where files are named."""
+    return (os.cpu_count() or 1) if _of_everything(config) else 0
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """A run that names neither files nor markers leaves out the slow tests, which ``.ci/run`` runs by themselves."""
+    if _of_everything(config) and not config.option.markexpr:
+        config.option.markexpr = "not slow"
+
+
+def pytest_report_header(config: pytest.Config) -> str | None:
+    """What is left out."""
+    return "left out: tests marked slow (`-m slow` runs them)" if config.option.markexpr == "not slow" else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, then the other comparisons with truth, and the many of `tests/unit` last: the files that
-    several processes end with are short, and none waits long for another.
+    """Files with slow tests or a bound on time of their own first, then the other comparisons with truth, and the many of
+    `tests/unit` last: the files that several processes end with are short, and none waits long for another.
     """
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    slow = {item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("timeout")}
 
     def place(item: pytest.Item) -> tuple[bool, bool, bool]:
         return item.path not in slow, "validation" not in item.path.parts, "unit" in item.path.parts

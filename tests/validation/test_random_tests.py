@@ -8,6 +8,7 @@ from tests.bench import narrow_peaks, random_tests
 SEED, SYSTEMS = 5003, 15
 
 
+@pytest.mark.slow
 def test_modes_of_random_tests_are_found_and_their_intervals_hold():
     """On 60 systems of seed 5002 with 231 modes 95, 92 and 93 % of f, zeta and residues are inside, and one mode is
     missed: intervals of damping are too narrow, for peaks under twenty lines. When the local model was the solution of the
