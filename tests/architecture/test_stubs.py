@@ -68,7 +68,6 @@ reveal_type(ema.fit.stabilise)
 """
 
 
-@pytest.mark.slow
 def test_a_wrong_call_is_seen_by_a_type_checker(tmp_path: Path, root: Path) -> None:
     (tmp_path / "wrong.py").write_text(WRONG, encoding="utf-8")
     (tmp_path / "mypy.ini").write_text("[mypy]\nignore_missing_imports = True\nfollow_imports = silent\n")

@@ -168,7 +168,6 @@ def campaign_of_two_thousand_files(folder: Path, signals: np.ndarray) -> Path:
     return folder / "campaign.toml"
 
 
-@pytest.mark.slow
 def test_a_folder_of_two_thousand_files(tmp_path: Path) -> None:
     signals = np.random.default_rng(0).normal(size=(2000, 2, 256))
     values, _ = first_values(campaign_of_two_thousand_files(tmp_path, signals))
