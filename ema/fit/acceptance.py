@@ -24,6 +24,11 @@ systems (3 to 10 modes, noise 0.1 to 5 %) stay the same.
 """
 
 
+_PARTS_OF_TONE = 0.03
+"""Reach over the mains frequency up to which a pole beside a multiple is a part of the tone: a mode lies there by
+chance once in 16."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """What is said of every pole of a fit: whether it can be a mode at all (in the band, oscillating), whether it is
@@ -72,13 +77,17 @@ def judge(
     group = groups(fit, errors, possible, policy)
     members = np.bincount(group, minlength=len(group) + 1)[group] > 1
     # Half-power bandwidths in lines.
-    unit = 2 * np.abs(fit.poles) / max(optimum.data.line, 1e-300)
+    line = optimum.data.line
+    unit = 2 * np.abs(fit.poles) / max(line, 1e-300)
     narrow = (damping * unit < policy.unresolved) & (std_z * unit < policy.unresolved)
     # A steady tone leaks into its neighbour lines as an undamped pole does: what is told to decay is none.
     undamped = possible & (damping * unit < policy.unresolved) & (std_z > limit * damping)
-    reach = 1.5 * optimum.data.line / (2 * np.pi)
+    reach = 1.5 * line / (2 * np.pi)
     tones = _tones(natural_frequencies(fit.poles), undamped, dropped, policy=policy, reach=reach)
-    unresolved = narrow & visible & (std_z > limit * damping) & ~tones
+    # The first and the last lines show one side of a peak, which is none there: it may as well lie beside the band.
+    ends = optimum.data.s.imag[[0, -1]]
+    both_sides = np.min(np.abs(fit.poles.imag - ends[:, None]), axis=0) > 1.5 * line
+    unresolved = narrow & visible & (std_z > limit * damping) & ~tones & both_sides
     steady = possible & (damping <= 0)
     # In a misfit, poles explain what is no noise: the search has judged them there.
     explained = np.full(len(fit.poles), np.inf) if optimum.misfit else evidence(optimum.data, fit)
@@ -141,7 +150,8 @@ def _tones(
     reach: float,
 ) -> Bool[np.ndarray, "pole"]:
     """``undamped`` poles at multiples of a mains frequency [Hz]: one may be a mode by chance where multiples are close
-    beside their deviation, two are not. Poles ``dropped`` within ``reach`` [Hz] of a multiple count too.
+    beside their deviation, two are not. Poles ``dropped`` within ``reach`` [Hz] of a multiple count too. Where there
+    are such tones, undamped poles within ``reach`` of a multiple are parts of one: it may take several.
     """
 
     def apart(values: Float[np.ndarray, "value"], base: float) -> Float[np.ndarray, "value"]:
@@ -152,7 +162,10 @@ def _tones(
         near = undamped & (apart(frequencies, base) < policy.mains_deviation * frequencies)
         others = np.count_nonzero(apart(dropped, base) < np.maximum(policy.mains_deviation * dropped, reach))
         likely = 2 * policy.mains_deviation * frequencies / base > policy.mains_chance
-        result |= near & ((np.count_nonzero(near) + others > 1) | ~likely)
+        several = np.count_nonzero(near) + others > 1
+        result |= near & (several | ~likely)
+        if several and reach < _PARTS_OF_TONE * base:
+            result |= undamped & (apart(frequencies, base) < reach)
     return result
 
 
