@@ -12,7 +12,7 @@ import pytest
 
 from ema import fingerprint, store
 from ema.cli import cluster
-from ema.errors import InputError
+from ema.errors import FailureError, InputError
 from ema.study import Study, remote
 from tests.journeys.small_campaign import ema_command
 from tests.unit.conftest import CAMPAIGN, RECIPE, small_study, small_study_master  # noqa: F401 (fixtures)
@@ -127,6 +127,27 @@ def test_a_worker_that_cannot_see_the_data_says_so(small_study: Path, tmp_path: 
         shutil.rmtree(small_study.parent / "campaign")
         with pytest.raises(InputError, match=r"worker on .*cannot see the data; got no .*campaign.toml"):
             list(remote.in_order([executor.submit(remote.run_result, measured, "first", [], *settings)]))
+
+
+def test_workers_without_memory_say_so(address: str) -> None:
+    """A task that asks for more than there is, and one that the system kills on every worker that tries it."""
+
+    def too_large() -> float:
+        import numpy as np
+
+        return float(np.ones(2**58).sum())
+
+    def killed() -> None:
+        import os
+
+        os.kill(os.getpid(), 9)
+
+    for task, kind, words in (
+        (too_large, FailureError, r"a task needs more memory than its worker has.*start workers with more memory"),
+        (killed, InputError, r"a task ended its workers one after the other.*workers with enough memory"),
+    ):
+        with cluster.workers(address, 1) as executor, pytest.raises(kind, match=words):
+            list(remote.in_order([executor.submit(task)]))
 
 
 def test_campaigns_are_indexed_by_workers(tmp_path: Path, capsys, address: str, monkeypatch) -> None:
