@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import subprocess
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial
@@ -160,6 +161,43 @@ def test_campaigns_are_indexed_by_workers(tmp_path: Path, capsys, address: str, 
         assert ema_command(capsys, "archive", "add", tmp_path / name, tmp_path / "tests", *more).status == 0
     names = [sorted(path.name for path in (tmp_path / name / "parts").iterdir()) for name in ("one", "two")]
     assert names[0] == names[1] and len(names[0]) == 5
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="certificates are made by openssl")
+def test_workers_behind_certificates_compute_and_others_are_not_let_in(tmp_path: Path, capsys) -> None:
+    import dask
+    from distributed import LocalCluster
+    from distributed.security import Security
+
+    key, certificate = tmp_path / "key.pem", tmp_path / "cert.pem"
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost"]
+    subprocess.run([*command, "-keyout", key, "-out", certificate], check=True, capture_output=True)
+    tls = "distributed.comm.tls"
+    files = {
+        f"{tls}.{who}.{kind}": str(path)
+        for who in ("client", "scheduler", "worker")
+        for kind, path in (("key", key), ("cert", certificate))
+    } | {f"{tls}.ca-file": str(certificate)}
+    with dask.config.set(files):
+        local = LocalCluster(
+            n_workers=1,
+            processes=True,
+            protocol="tls://",
+            host="127.0.0.1",
+            dashboard_address=None,
+            security=Security(),
+        )
+        with local:
+            with cluster.workers(local.scheduler_address, 1) as executor:
+                assert local.scheduler_address.startswith("tls://") and executor is not None
+                assert list(remote.in_order([executor.submit(abs, -3)])) == [3]
+            assert capsys.readouterr().err == ""
+            with (
+                dask.config.set(dict.fromkeys(files)),
+                pytest.raises(InputError, match="no cluster answers"),
+                cluster.workers(local.scheduler_address, 1),
+            ):
+                pass
 
 
 def test_a_plain_scheduler_that_others_reach_is_warned_of(capsys) -> None:
