@@ -234,9 +234,13 @@ def _explained(
     def misfit(real: np.ndarray, level: np.ndarray) -> Float[np.ndarray, "*start row"]:
         return np.asarray((FREEDOM + 1) * np.sum(np.log1p(real**2 * level), axis=(-3, -2)))
 
+    def in_parts(grid: Float[np.ndarray, "start 1"]) -> list[np.ndarray]:
+        """Starts that are worked on at a time, one at least."""
+        return np.array_split(grid, min(len(grid), -(-len(grid) * residues.size // _AT_ONCE)))
+
     def starts(cause: _Cause) -> Float[np.ndarray, "start row"]:
         grid, cost = cause.grid(omega)[:, None], []
-        for part in np.array_split(grid, -(-len(grid) * residues.size // _AT_ONCE)):
+        for part in in_parts(grid):
             real, _ = turned(cause, part)
             cost.append([misfit(real, level) + cause.surprise(omega, part) for level in levels])
         return np.asarray(grid[np.argmin(np.concatenate(cost, axis=1), axis=1), 0])
@@ -263,7 +267,7 @@ def _explained(
         level, grid = 1 / (FREEDOM * variance(scatter)), cause.grid(omega)[:, None]
         least = misfit(turned(cause, value)[0], level) + cause.surprise(omega, value)
         furthest = np.zeros(rows)
-        for begin in np.array_split(grid, -(-len(grid) * residues.size // _AT_ONCE)):
+        for begin in in_parts(grid):
             part = np.broadcast_to(begin, (len(begin), rows))
             for _ in range(_STEPS_OF_NEWTON):
                 part = stepped(cause, part, level)

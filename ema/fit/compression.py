@@ -34,7 +34,10 @@ _MARGIN = 1.1
 _UNLIKE = 1.1
 """Noise of a channel at its own peaks over that of all outputs there, or the reverse, from which on each channel gets
 its own: weights that differ by less than a factor of 1.1 raise a standard deviation by 0.1 % at most (Kantorovich's
-inequality); at 1.05 the set would be read once more for 0.03 %, at 1.2 the price would be 0.4 %."""
+inequality), at 1.2 by 0.4 %."""
+_LINES_OF_BIN, _BINS = 25, 128
+"""Lines over which stated variances are pooled, as in the weights (`ema.fit.noise.pooled`), and bins of them at most:
+128 take 51 MB for 50 000 outputs and 2 references."""
 SAMPLE = 60_000
 """Values of single outputs, evenly spread, from which the structure of the noise and its correlation are estimated: of
 as many each level of the noise is known to a few per cent."""
@@ -132,9 +135,19 @@ class _FirstPass:
         self.where, self.swapped = frfs.name or "FRFs", turned(frfs)
         self.scale, self.stated, self.alive = np.zeros(count), True, 0
         self.variance = np.zeros((lines, references))
+        self.bins = np.unique(
+            np.linspace(0, lines, int(np.clip(lines // _LINES_OF_BIN, 1, _BINS)), endpoint=False, dtype=int)
+        )
+        self.means = np.zeros((count, references, len(self.bins)), np.float32)
         self.columns: Float[np.ndarray, "freq in"] | None = None
         self.rows = np.arange(0, count, max(1, count * lines * references // SAMPLE))
         self.sample: list[FrfSet] = []
+
+    @property
+    def per_direction(self) -> float:
+        """Energy of noise in a direction of the whitened outputs."""
+        assert self.columns is not None
+        return float(np.sum(self.variance / self.alive * self.columns**2))
 
     def take(self, place: slice, slab: FrfSet) -> None:
         """Check a slab and note its noise."""
@@ -155,7 +168,11 @@ class _FirstPass:
         if alive.any():
             values = values[:, alive]
             level = noise.from_differences(values) if known is None else noise.from_variance(known[:, alive])
-            self.scale[np.flatnonzero(alive) + place.start] = level.outputs
+            rows = np.flatnonzero(alive) + place.start
+            self.scale[rows] = level.outputs
+            if known is not None:
+                widths = np.diff(self.bins, append=len(values))
+                self.means[rows] = (np.add.reduceat(known[:, alive], self.bins, axis=0).T / widths).transpose(1, 0, 2)
             own = (np.clip(level.lines, 0.2, 5)[:, None] * level.references) ** 2
             variance = 2 * own[:, None] if known is None else known[:, alive] / level.outputs[:, None] ** 2
             self.variance += np.sum(np.broadcast_to(variance, values.shape), axis=1)
@@ -206,7 +223,12 @@ def _compressed(frfs: FrfSet, progress: Progress) -> Compressed:
     sample, rows = first.samples()
     channels = _channels(frfs, found, first)
     if first.stated and _unlike(channels, found, first, sample, rows):
-        channels = replace(channels, variance=_own_variance(frfs, found, first, progress))
+        channels = replace(channels, variance=_own_variance(channels, found, first, sample, rows))
+    if channels.variance is not None:
+        # Directions of noise alone are those in which it happens to be largest: it is as large as they are.
+        chosen = np.maximum(found.energies / first.per_direction, 1)
+        chosen[:above] = 1
+        channels = replace(channels, variance=channels.variance * chosen[:, None])
     return Compressed(
         frfs=channels,
         directions=np.ascontiguousarray(found.directions),
@@ -251,24 +273,36 @@ def _unlike(channels: FrfSet, found: Range, first: _FirstPass, sample: FrfSet, r
 
 
 def _own_variance(
-    frfs: FrfSet, found: Range, first: _FirstPass, progress: Progress
+    channels: FrfSet, found: Range, first: _FirstPass, sample: FrfSet, rows: Int[np.ndarray, "sample"]
 ) -> Float[np.ndarray, "freq channel in"]:
     """Variance of each channel from that of its outputs, which are independent: ``sum_o d_oc^2 v_o / scale_o^2`` with
-    the direction ``d`` of the channel (one pass more over the set).
+    the direction ``d`` of the channel.
+
+    The variance ``v_o`` of an output is its mean over some lines, noted on the first pass, times what the structure of
+    the sample (`ema.fit.noise.structure`) makes of its FRFs there, which the channels hold: the file is not read again.
     """
-    total = np.zeros((len(frfs.frequencies), found.directions.shape[1], min(len(frfs.outputs), len(frfs.inputs))))
-    for place, slab in slabs(frfs, progress, "noise of the channels"):
-        alive = first.scale[place] > 0
-        known = noise.measured(slab)
-        assert known is not None
-        white = known[:, alive] / first.scale[place][alive, None] ** 2
-        total += np.einsum("oc,foi->fci", found.directions[place][alive] ** 2, white, optimize=True)
-    return total
+    known = noise.measured(sample)
+    assert known is not None
+    values = np.asarray(channels.values).transpose(1, 2, 0)
+
+    def size(some: Int[np.ndarray, "some"]) -> Float[np.ndarray, "some in freq"]:
+        """Squared FRFs over their noise."""
+        fitted = np.tensordot(found.directions[some], values, 1)
+        return np.asarray(fitted.real**2 + fitted.imag**2)
+
+    shape = noise.structure(known.transpose(1, 2, 0), size(rows))
+    total = np.zeros((found.directions.shape[1], *values.shape[1:]))
+    alive = np.flatnonzero(first.scale > 0)
+    step, widths = max(1, _AT_ONCE // (8 * values[0].size)), np.diff(first.bins, append=values.shape[-1])
+    for some in (alive[begin : begin + step] for begin in range(0, len(alive), step)):
+        relative = shape.relative(size(some))
+        mean = first.means[some] * widths / np.add.reduceat(relative, first.bins, axis=-1)
+        white = relative * np.repeat(mean, widths, axis=-1) / first.scale[some, None, None] ** 2
+        total += np.tensordot(found.directions[some].T ** 2, white, 1)
+    return np.ascontiguousarray(total.transpose(2, 0, 1))
 
 
 def _error(found: Range, first: _FirstPass) -> float:
     """Energy that was left out over that of noise there."""
-    assert first.columns is not None
-    per_direction = float(np.sum(first.variance / first.alive * first.columns**2))
     others = first.alive - len(found.energies)
-    return found.left_out / (per_direction * others) if others > 0 else 1.0
+    return found.left_out / (first.per_direction * others) if others > 0 else 1.0

@@ -1013,11 +1013,15 @@ class FewerTerms:
     information: Float[np.ndarray, "unknown unknown"]
 
     @classmethod
-    def of(cls, fit: Fit, columns: int) -> "FewerTerms":
+    def of(cls, fit: Fit, columns: int, pull: Complex[np.ndarray, "row member unknown"] | None = None) -> "FewerTerms":
         """For the first ``columns`` of a fit.
 
         With the values c of the others at the optimum and their covariance D while the shared unknowns are held it is
         ``(c + J d)^T D^-1 (c + J d)``, J how the terms follow the shared unknowns. They belong to one output each.
+
+        Without the others the shapes are those next to the optimum with fewer terms. Noise that these changes share
+        with the residual pulls all outputs in one direction: with the ``pull`` of each output on the shared unknowns
+        per unit of its shape the gradient is exact, as it has to be where an optimum is looked for.
         """
         modes, outer = len(fit.poles), fit.lean.shape[-1] // 2
         of_shapes = np.r_[:modes, outer : outer + modes]
@@ -1030,18 +1034,24 @@ class FewerTerms:
             own = slice(i * count, (i + 1) * count)
             held[:, own, own] += fit.of_rest[:, i, columns:, columns:]
         follow = by_shape @ fit.slope - np.delete(flat, of_shapes, axis=-1)
-        real, imaginary = (part[:, None] for part in np.split(follow, 2, axis=-1))
-        psi = fit.shapes[:, :, None, fit.owners]
-        jacobian = np.concatenate(
-            [real * psi.real + imaginary * psi.imag, imaginary * psi.real - real * psi.imag], axis=-1
-        )
         values = fit.rest[..., columns:].reshape(*fit.shapes.shape[:2], -1)
         inverted = inverse(held)[:, None]
         weighted = (inverted @ values[..., None])[..., 0]
+        shapes, beside = fit.shapes, np.zeros(len(fit.gradient))
+        if pull is not None:
+            change = np.einsum("rab,rcb,rmc->rma", fit.local, by_shape, weighted)
+            change = change[..., :modes] + 1j * change[..., modes:]
+            missed = np.sum(change[..., fit.owners].conj() * pull, axis=(0, 1))
+            shapes, beside = shapes + change, np.concatenate([missed.real, missed.imag])
+        real, imaginary = (part[:, None] for part in np.split(follow, 2, axis=-1))
+        psi = shapes[:, :, None, fit.owners]
+        jacobian = np.concatenate(
+            [real * psi.real + imaginary * psi.imag, imaginary * psi.real - real * psi.imag], axis=-1
+        )
         along = jacobian.reshape(values.size, jacobian.shape[-1])
         return cls(
             float(np.sum(values * weighted)),
-            along.T @ weighted.reshape(-1),
+            along.T @ weighted.reshape(-1) - beside,
             along.T @ (inverted @ jacobian).reshape(along.shape),
         )
 

@@ -15,9 +15,11 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import Finding, FrfSet, ModalModel, ModalUncertainty, Residuals
 from ema.dof import Dof, match
-from ema.fit import estimator, model, noise, output_correlation, refinement, scatter, uncertainty
+from ema.fit import estimator, model, noise, output_correlation, refinement, scatter, search, uncertainty
 from ema.fit.compression import Compressed, slabs
 from ema.fit.estimator import FewerTerms, Fit, Observations
+from ema.fit.line_correlation import LineCorrelation
+from ema.fit.narrow import caution
 from ema.fit.prepare import Prepared
 from ema.fit.refinement import NoiseShape, Refined
 from ema.fit.uncertainty import PoleErrors
@@ -111,6 +113,26 @@ class _Start:
     correction: Complex[np.ndarray, "channel in freq"] | None
     noise: NoiseShape | None = None
 
+    @cached_property
+    def _references(self) -> Float[np.ndarray, "in"]:
+        """Noise of each reference over that of all, by the sample."""
+        values, known = np.asarray(self.packed.sample.values), noise.measured(self.packed.sample)
+        level = noise.from_differences(values) if known is None else noise.from_variance(known)
+        return level.references[self.columns]
+
+    def _one_row(self, signals: Complex[np.ndarray, "out in line"]) -> Observations:
+        """Observations in which all lines count the same."""
+        s = self.optimum.data.s
+        return Observations(s, signals[None], np.abs(s) ** (2 * self.derivative) / self._references[None, :, None] ** 2)
+
+    @cached_property
+    def _equal_lines(self) -> Fit:
+        """The optimum on the channels where all lines count the same."""
+        fit, data = self.optimum.fit, self._one_row(self.optimum.data.signals[:, 0])
+        linear = fit.shapes.transpose(1, 0, 2), fit.rest.transpose(1, 0, 2, 3)
+        start = estimator.evaluate(data, fit.poles, fit.participation, fit.terms, linear)
+        return estimator.refine(data, start, tolerance=1e-6, prior=refinement.LOOSE, free_outside=True)
+
     def observed(self, frfs: FrfSet, progress: Progress, task: str) -> Iterator[tuple[np.ndarray, Observations, Fit]]:
         """Places of the outputs that are not dead, their observations, and the fit where they begin, slab by slab."""
         for place, slab in slabs(frfs, progress, task):
@@ -122,25 +144,34 @@ class _Start:
         self, slab: FrfSet, rows: Int[np.ndarray, "out"], places: Int[np.ndarray, "out"]
     ) -> tuple[Observations, Fit]:
         """Observations of outputs ``places`` of a slab, which are ``rows`` of the set, and the fit where they begin."""
-        fit, weight = self.optimum.fit, self.packed.scale[rows, None] * self.packed.directions[rows]
+        assert self.noise is not None
+        flat, own = self._alone(slab, rows, places)
+        weights = self.noise.weights(flat, own, slice(None), self._known(slab, places))
+        return replace(flat, weights=weights), _bare(self.optimum.fit, own.shapes, own.rest)
+
+    def _alone(
+        self, slab: FrfSet, rows: Int[np.ndarray, "out"], places: Int[np.ndarray, "out"]
+    ) -> tuple[Observations, Fit]:
+        """The same before there are weights: fits of each output in which all lines count the same, as in memory."""
+        weight = self.packed.scale[rows, None] * self.packed.directions[rows]
         values = np.asarray(slab.values)[:, places][:, :, self.columns].transpose(1, 2, 0)
         if self.correction is not None:
             values = values - np.tensordot(weight, self.correction, 1)
         s = 2j * np.pi * np.asarray(slab.frequencies)
-        known = self._known(slab, places)
-        signals = (values * s**-self.derivative)[:, None]
-        begin = _bare(fit, (weight @ fit.shapes[:, 0])[:, None], np.tensordot(weight, fit.rest[:, 0], 1)[:, None])
-        flat = Observations(s, signals, np.ones((len(rows), *signals.shape[2:])))
-        shape = self.noise or refinement.noise_shape(flat, begin, self.derivative, known, self.optimum.misfit)
-        return replace(flat, weights=shape.weights(flat, begin, slice(None), known)), begin
+        signals, equal = values * s**-self.derivative, self._equal_lines
+        linear = (weight @ equal.shapes[0])[None], np.tensordot(weight, equal.rest[0], 1)[None]
+        observed = self._one_row(signals)
+        found = estimator.evaluate(observed, equal.poles, equal.participation, equal.terms, linear, held=True)
+        own = _bare(equal, found.shapes.transpose(1, 0, 2), found.rest.transpose(1, 0, 2, 3))
+        return Observations(s, signals[:, None], np.ones(signals.shape)), own
 
     def with_noise(self) -> "_Start":
         """The same with the structure of the noise that the sample shows."""
         packed = self.packed
         every = np.arange(len(packed.rows))
-        flat, begin = self.of(packed.sample, packed.rows, every)
+        flat, own = self._alone(packed.sample, packed.rows, every)
         known = self._known(packed.sample, every)
-        return replace(self, noise=refinement.noise_shape(flat, begin, self.derivative, known, self.optimum.misfit))
+        return replace(self, noise=refinement.noise_shape(flat, own, self.derivative, known, self.optimum.misfit))
 
     def _known(self, slab: FrfSet, places: Int[np.ndarray, "out"]) -> Float[np.ndarray, "out in freq"] | None:
         """Variance that came with the FRFs; ``None`` where it is not what limits the fit."""
@@ -152,14 +183,18 @@ class _Start:
 
 
 class _Sums:
-    """What a pass over the set collects of the shared unknowns at given poles and participation."""
+    """What a pass over the set collects of the shared unknowns at given poles and participation.
 
-    def __init__(self, fit: Fit, count: int, drives: Int[np.ndarray, "drive"]) -> None:
+    What scatters is looked at in a fit with the ``likely`` residual terms, those that the channels need.
+    """
+
+    def __init__(self, fit: Fit, likely: int, count: int, drives: Int[np.ndarray, "drive"]) -> None:
         modes, unknowns = len(fit.poles), len(fit.gradient)
-        self.fit, self.drives, self.columns = fit, drives, fit.terms.mixing.shape[1]
+        self.fit, self.likely, self.drives, self.columns = fit, likely, drives, fit.terms.mixing.shape[1]
         self.information, self.gradient, self.before = (
             np.zeros(shape) for shape in ((unknowns, unknowns), (unknowns,), (unknowns,))
         )
+        self.of_likely, self.before_likely = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
         self.fewer: dict[int, FewerTerms] = {}
         self.share, self.cost, self.equations, self.outputs = np.ones(modes), 0.0, 0, 0
         self.own, self.shapes = np.zeros(modes), np.zeros((count, modes), complex)
@@ -175,25 +210,32 @@ class _Sums:
         orthogonal = fit.rounding == estimator.ORTHOGONAL
         start = begin.shapes, begin.rest
         found = estimator.evaluate(flat, fit.poles, fit.participation, fit.terms, start, orthogonal=orthogonal)
+        at_likely = _evaluated(flat, found, self.likely, start)[0] if self.likely < self.columns else found
         self.information += found.information
         self.gradient += found.gradient
         self.before += found.before
         self.share = np.minimum(self.share, found.share)
         self.cost += found.cost
+        self.of_likely += at_likely.information
+        self.before_likely += at_likely.before
         self.equations += flat.equations
         self.outputs += len(rows)
-        for columns in range(self.columns - 2, -1, -2):
-            own = FewerTerms.of(found, columns)
-            self.fewer[columns] = self.fewer[columns] + own if columns in self.fewer else own
         modes = len(fit.poles)
         diagonal = np.diagonal(found.local, axis1=1, axis2=2)
         self.own += np.sum(diagonal[:, :modes] + diagonal[:, modes:], axis=0)
         self.shapes[rows] = found.shapes[:, 0]
+        of_unit = replace(found, shapes=np.ones_like(found.shapes))
+        per_unit = np.zeros((len(rows), 1, len(found.gradient) // 2), complex)
         for block in flat.row_blocks(flat.signals[0].size, estimator.VALUES):
-            pull = scatter.pulls_of_lines(flat, found, block)
+            pull = scatter.pulls_of_lines(flat, at_likely, block)
             self.pull[rows[block]] = pull.sum(axis=0)
             self.pull_of_lines = self.pull_of_lines + pull.sum(axis=1)
-            self.told[rows[block]] = scatter.told_by_outputs(flat, found, block)
+            self.told[rows[block]] = scatter.told_by_outputs(flat, at_likely, block)
+            left = estimator.pulls(flat, of_unit, estimator.residual(flat, found, block), block)
+            per_unit[block] = left[..., : per_unit.shape[-1]] + 1j * left[..., per_unit.shape[-1] :]
+        for columns in range(self.columns - 2, -1, -2):
+            own = FewerTerms.of(found, columns, per_unit)
+            self.fewer[columns] = self.fewer[columns] + own if columns in self.fewer else own
         self._keep(rows, flat)
 
     def _keep(self, rows: Int[np.ndarray, "out"], flat: Observations) -> None:
@@ -295,7 +337,7 @@ def full_set(
     drives = np.array([row for _, row, _ in match(data.references, every)], int)
     at = fit
     for _ in range(_PASSES):
-        sums = _Sums(at, len(every), drives[packed.alive[drives]])
+        sums = _Sums(at, optimum.at_optimum.rest.shape[-1], len(every), drives[packed.alive[drives]])
         for rows, observed, begin in start.observed(band, progress, "information"):
             sums.take(rows, observed, begin)
         final = sums.at_optimum()
@@ -331,6 +373,30 @@ def full_set(
     )
 
 
+def needless(optimum: Refined, possible: Bool[np.ndarray, "pole"], outputs: int) -> Int[np.ndarray, "gone"]:
+    """Poles of the optimum on channels that noise explains on so many ``outputs``, as in memory (`ema.fit.refinement`).
+
+    A pole that follows noise finds it in the channels, which are the directions where there is most of it. On the
+    outputs it explains what it does on the channels, and what noise of mean energy gives to the shapes of the others.
+    """
+    fit, data = optimum.at_optimum, optimum.data
+    if optimum.misfit or not len(fit.poles):
+        return np.zeros(0, int)
+    others = max(outputs - data.outputs, 0)
+    gain = estimator.gains(data, fit) / max(fit.variance_factor(data), 1e-300)
+    gain /= LineCorrelation.of_noise(data, fit).factor(fit.poles)
+    freedom = 2.0 * (outputs + data.references)
+    in_band = search.passes_for_weak(freedom) * caution(fit.poles, fit.poles, data.line)
+    share = (gain + 2 * others) / np.where(possible, in_band, freedom + estimator.DOUBT * np.sqrt(2 * freedom))
+    gone: list[int] = []
+    for pole in np.argsort(share):
+        # Without one of them its neighbour may be needed.
+        reach = 4 * (np.abs(fit.poles[gone].real) + abs(fit.poles[pole].real))
+        if share[pole] <= 1 and np.all(np.abs(fit.poles[gone] - fit.poles[pole]) > reach):
+            gone.append(int(pole))
+    return np.array(gone, int)
+
+
 def _with_scatter(
     sums: _Sums,
     final: Fit,
@@ -353,13 +419,12 @@ def _with_scatter(
         )
     at_peaks = refinement.misfit_at_peaks(flat, at_sample) if optimum.misfit else np.ones(len(final.poles))
     factor = sums.factor(sums.used)
-    change = scatter.Changes.of(sums.all_terms, factor, factor * of_poles)
+    likely = replace(sums.all_terms, information=sums.of_likely, before=sums.before_likely)
+    change = scatter.Changes.of(likely, factor, factor * of_poles)
     found = {
-        "noise that the FRFs share": scatter.of_lines(
-            sums.all_terms, change, np.asarray(sums.pull_of_lines), len(flat.s)
-        ),
+        "noise that the FRFs share": scatter.of_lines(likely, change, np.asarray(sums.pull_of_lines), len(flat.s)),
         "scatter between the FRFs": scatter.of_outputs(
-            sums.all_terms, change, sums.told[packed.alive], sums.pull[packed.alive]
+            likely, change, sums.told[packed.alive], sums.pull[packed.alive]
         ),
     }
     between, of_what = refinement.largest(found, possible)
@@ -431,7 +496,8 @@ def _evaluated(flat: Observations, fit: Fit, used: int, begin: tuple[np.ndarray,
     """
     terms: model.Background = fit.terms
     columns, orthogonal = terms.mixing.shape[1], fit.rounding == estimator.ORTHOGONAL
-    narrow = estimator.evaluate(flat, fit.poles, fit.participation, terms.fewer(used), begin, orthogonal=orthogonal)
+    start = begin[0], begin[1][..., :used]
+    narrow = estimator.evaluate(flat, fit.poles, fit.participation, terms.fewer(used), start, orthogonal=orthogonal)
     if used == columns:
         return narrow, narrow
     rest = np.concatenate([narrow.rest, np.zeros((*narrow.rest.shape[:-1], columns - used))], axis=-1)

@@ -16,7 +16,7 @@ from ema.fit.candidates import like_modes
 from ema.fit.companions import companions
 from ema.fit.compression import compressed
 from ema.fit.estimator import Fit
-from ema.fit.full_set import FullSet, full_set
+from ema.fit.full_set import FullSet, full_set, needless
 from ema.fit.narrow import narrow_peaks
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, prepare
@@ -276,7 +276,7 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
 def _of_file(frfs: FrfSet, band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
     """Fit and judge all poles of FRFs that stay in their file: on their channels, then on all outputs."""
     packed = compressed(band, progress)
-    found = _fitted(packed.frfs, poles, progress)
+    found = _fitted(packed.frfs, poles, progress, int(np.count_nonzero(packed.alive)))
     whole = full_set(band, packed, found.data, found.optimum, found.verdict.possible, progress=progress)
     return replace(
         found,
@@ -311,27 +311,27 @@ def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
     )
 
 
-def _fitted(band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
-    """Fit and judge all poles of FRFs that show each mode once; what Hann blocks, or an average over lines, do to these
-    is taken off.
+def _fitted(band: FrfSet, poles: PoleTable, progress: Progress, outputs: int | None = None) -> Estimate:
+    """Fit and judge all poles of FRFs that show each mode once, or of channels for so many ``outputs``; what Hann
+    blocks, or an average over lines, do to these is taken off.
 
     What they leave looks like further resonances: they are searched for once it is gone, and then the correction has to
     stay what it is.
     """
     shown = broadening.of(band)
     if shown is None:
-        return _once(band, poles, progress)
+        return _once(band, poles, progress, outputs=outputs)
     if isinstance(shown, broadening.LineAverage):
         band = smoothing.marked(band, shown.weights)
     history, corrected, searches = [], band, 0
     guess: broadening.Resonances | None = None
     for turn in range(broadening.TURNS + 1):
-        estimate = _once(corrected, poles, progress, searches)
+        estimate = _once(corrected, poles, progress, searches, outputs=outputs)
         verdict = estimate.verdict
         # Leakage makes several uncertain poles of a peak: what is there says more of it than nothing.
         modes = verdict.accepted if turn else verdict.possible
         if not np.any(modes):
-            return estimate if searches else _once(corrected, poles, progress)
+            return estimate if searches else _once(corrected, poles, progress, outputs=outputs)
         fitted = estimate.optimum.fit.poles[modes], _residues(estimate)[modes]
         history.append(fitted[0])
         if guess is None:
@@ -401,7 +401,9 @@ def _in_noise(found: Estimate, change: Complex[np.ndarray, "freq out in"]) -> fl
     return float(energy) / max(found.optimum.fit.variance_factor(flat), np.finfo(float).tiny)
 
 
-def _once(band: FrfSet, poles: PoleTable, progress: Progress, searches: int = _SEARCHES) -> Estimate:
+def _once(
+    band: FrfSet, poles: PoleTable, progress: Progress, searches: int = _SEARCHES, *, outputs: int | None = None
+) -> Estimate:
     """Fit and judge all poles of FRFs as they are, with so many ``searches`` for what the residual shows."""
     data = prepare(band)
     advance(progress, "selection of modes", 0, 2)
@@ -421,10 +423,15 @@ def _once(band: FrfSet, poles: PoleTable, progress: Progress, searches: int = _S
         errors = uncertainty.errors_of(optimum)
         # A pole of the background may have taken the place of a mode on the way.
         possible, alone = like_modes(optimum.fit.poles, poles.band), chosen.alone[optimum.kept]
-        gone = surplus(optimum, errors, possible, POLICY)
+        gone, why = (
+            surplus(optimum, errors, possible, POLICY),
+            "its residue and that of a neighbour add up to those of one mode",
+        )
+        if not len(gone) and outputs is not None:
+            gone, why = needless(optimum, possible, outputs), "noise of all outputs explains as much"
         if not len(gone):
             break
-        chosen = reduced(chosen, optimum.kept[gone], "its residue and that of a neighbour add up to those of one mode")
+        chosen = reduced(chosen, optimum.kept[gone], why)
     dropped = (*chosen.dropped, *optimum.dropped)
     verdict = _verdict(band, optimum, errors, possible, alone=alone, dropped=dropped)
     shapes = peak_shape.examine(optimum, errors, verdict.possible)

@@ -115,11 +115,15 @@ class Structure:
     table: Float[np.ndarray, "cell"]
     lines: Float[np.ndarray, "freq"]
 
+    def relative(self, model: Float[np.ndarray, "out in freq"]) -> Float[np.ndarray, "out in freq"]:
+        """Variance of FRFs but for their level; ``model`` are the FRFs squared, in any unit."""
+        return np.asarray(self.table[_cells(model)] * self.lines)
+
     def variance(
         self, power: Float[np.ndarray, "out in freq"], model: Float[np.ndarray, "out in freq"]
     ) -> Float[np.ndarray, "out in freq"]:
         """Variance of FRFs with their level from squared residuals ``power``; ``model`` are the FRFs squared."""
-        relative = self.table[_cells(model)] * self.lines
+        relative = self.relative(model)
         level = np.mean(power / relative, axis=-1, keepdims=True)
         floor = _FLOOR**2 * np.mean(model, axis=-1, keepdims=True) + np.finfo(float).tiny
         return np.asarray(relative * np.maximum(level, floor))

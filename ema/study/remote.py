@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from acquisition import campaign_file
 from ema.data import Campaign, Run, RunResult
-from ema.errors import EmaError, InputError
+from ema.errors import EmaError, FailureError, InputError
 from ema.fingerprint import of_files
 from ema.study import chain, mapping
 from ema.study.recipe import EstimateTable, FitTable, MapTable
@@ -96,6 +96,12 @@ def in_order(futures: Sequence[Future[T]]) -> Iterator[T]:
                 result = waiting.popleft().result()
             except EmaError:
                 raise
+            except MemoryError as error:
+                raise FailureError(
+                    "a task needs more memory than its worker has",
+                    got=str(error).splitlines()[0] if str(error) else "",
+                    advice="start workers with more memory, or fewer of them on a machine",
+                ) from error
             except Exception as error:
                 if type(error).__name__ not in ("KilledWorker", "BrokenProcessPool"):
                     raise

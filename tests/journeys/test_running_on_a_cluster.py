@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import subprocess
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial
@@ -12,7 +13,7 @@ import pytest
 
 from ema import fingerprint, store
 from ema.cli import cluster
-from ema.errors import InputError
+from ema.errors import FailureError, InputError
 from ema.study import Study, remote
 from tests.journeys.small_campaign import ema_command
 from tests.unit.conftest import CAMPAIGN, RECIPE, small_study, small_study_master  # noqa: F401 (fixtures)
@@ -129,6 +130,27 @@ def test_a_worker_that_cannot_see_the_data_says_so(small_study: Path, tmp_path: 
             list(remote.in_order([executor.submit(remote.run_result, measured, "first", [], *settings)]))
 
 
+def test_workers_without_memory_say_so(address: str) -> None:
+    """A task that asks for more than there is, and one that the system kills on every worker that tries it."""
+
+    def too_large() -> float:
+        import numpy as np
+
+        return float(np.ones(2**58).sum())
+
+    def killed() -> None:
+        import os
+
+        os.kill(os.getpid(), 9)
+
+    for task, kind, words in (
+        (too_large, FailureError, r"a task needs more memory than its worker has.*start workers with more memory"),
+        (killed, InputError, r"a task ended its workers one after the other.*workers with enough memory"),
+    ):
+        with cluster.workers(address, 1) as executor, pytest.raises(kind, match=words):
+            list(remote.in_order([executor.submit(task)]))
+
+
 def test_campaigns_are_indexed_by_workers(tmp_path: Path, capsys, address: str, monkeypatch) -> None:
     from tests.bench import archive_campaigns as generated
 
@@ -139,6 +161,43 @@ def test_campaigns_are_indexed_by_workers(tmp_path: Path, capsys, address: str, 
         assert ema_command(capsys, "archive", "add", tmp_path / name, tmp_path / "tests", *more).status == 0
     names = [sorted(path.name for path in (tmp_path / name / "parts").iterdir()) for name in ("one", "two")]
     assert names[0] == names[1] and len(names[0]) == 5
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="certificates are made by openssl")
+def test_workers_behind_certificates_compute_and_others_are_not_let_in(tmp_path: Path, capsys) -> None:
+    import dask
+    from distributed import LocalCluster
+    from distributed.security import Security
+
+    key, certificate = tmp_path / "key.pem", tmp_path / "cert.pem"
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost"]
+    subprocess.run([*command, "-keyout", key, "-out", certificate], check=True, capture_output=True)
+    tls = "distributed.comm.tls"
+    files = {
+        f"{tls}.{who}.{kind}": str(path)
+        for who in ("client", "scheduler", "worker")
+        for kind, path in (("key", key), ("cert", certificate))
+    } | {f"{tls}.ca-file": str(certificate)}
+    with dask.config.set(files):
+        local = LocalCluster(
+            n_workers=1,
+            processes=True,
+            protocol="tls://",
+            host="127.0.0.1",
+            dashboard_address=None,
+            security=Security(),
+        )
+        with local:
+            with cluster.workers(local.scheduler_address, 1) as executor:
+                assert local.scheduler_address.startswith("tls://") and executor is not None
+                assert list(remote.in_order([executor.submit(abs, -3)])) == [3]
+            assert capsys.readouterr().err == ""
+            with (
+                dask.config.set(dict.fromkeys(files)),
+                pytest.raises(InputError, match="no cluster answers"),
+                cluster.workers(local.scheduler_address, 1),
+            ):
+                pass
 
 
 def test_a_plain_scheduler_that_others_reach_is_warned_of(capsys) -> None:

@@ -9,10 +9,11 @@ import pytest
 
 from ema.data import FrfSet, ModalModel, poles_from
 from ema.dof import Dof
-from ema.fit import modes, stabilise
+from ema.fit import channel_phase, modes, stabilise
 from ema.synthesis import frfs as synthesise
 from tests.bench import disturbances
 from tests.bench.cases import random_system
+from tests.unit import fit_rig
 
 NATURAL, ZETA = np.array([130.0, 214.0, 307.0, 421.0]), np.array([0.006, 0.01, 0.005, 0.008])
 FREQUENCIES = np.linspace(80.0, 480.0, 1601)
@@ -272,3 +273,15 @@ def test_a_tone_at_the_end_of_the_band_is_no_mode(strength: float, seed: int) ->
     true = drawn.case.truth.natural_frequencies
     assert len(found) == len(true) == 4
     assert found == pytest.approx(true, abs=frfs.frequency_step)
+
+
+def test_delays_are_looked_for_in_sets_of_any_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the residues are more than are worked on at a time, one start is, and not a part of one."""
+    truth = fit_rig.model([120.0, 140.0, 165.0, 190.0, 215.0], [0.01] * 5, seed=9)
+    shapes = np.array(truth.shapes)
+    shapes[7] *= np.exp(-1j * truth.poles.imag * 4e-4)
+    late = replace(truth, shapes=shapes)
+    wanted = channel_phase.turns(late)
+    assert [turn.row for turn in wanted] == [7] and abs(wanted[0].value - 4e-4) < wanted[0].half + 1e-5
+    monkeypatch.setattr(channel_phase, "_AT_ONCE", 10)
+    assert channel_phase.turns(late) == wanted

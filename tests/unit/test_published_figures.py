@@ -15,7 +15,6 @@ OLDER = {
     "accuracy, residues",
     "accuracy, small",
     "accuracy, systems",
-    "archive",
     "fit, 160x1601",
     "fit, 160x6401",
     "fit, 900x4096",
