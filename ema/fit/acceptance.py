@@ -86,13 +86,15 @@ def judge(
     tones = _tones(natural_frequencies(fit.poles), undamped, dropped, policy=policy, reach=reach)
     # The first and the last lines show one side of a peak, which is none there: it may as well lie beside the band.
     ends = optimum.data.s.imag[[0, -1]]
-    both_sides = np.min(np.abs(fit.poles.imag - ends[:, None]), axis=0) > 1.5 * line
-    unresolved = narrow & visible & (std_z > limit * damping) & ~tones & both_sides
+    one_side = (np.min(np.abs(fit.poles.imag - ends[:, None]), axis=0) < 1.5 * line) & (
+        damping * unit < policy.unresolved
+    )
+    unresolved = narrow & visible & (std_z > limit * damping) & ~tones
     steady = possible & (damping <= 0)
     # In a misfit, poles explain what is no noise: the search has judged them there.
     explained = np.full(len(fit.poles), np.inf) if optimum.misfit else evidence(optimum.data, fit)
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
-    resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~tones & ~steady
+    resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~(tones | steady | one_side)
     spacing, apart = _distances(fit, group, resonant)
     confidence = _confidence(fit, errors, group, resonant, damping=damping, limit=policy.shape_scatter)
     accepted, reasons = possible.copy(), [""] * len(fit.poles)
@@ -106,6 +108,8 @@ def judge(
                 if added_decay
                 else mark("it does not decay")
             )
+        elif one_side[pole]:
+            reason = mark("it is narrower than a line and at the end of the band, where one side of a peak is no peak")
         elif explained[pole] < 1:
             reason = f"it explains {explained[pole]:.2g} times what noise may"
         elif not resonant[pole]:
