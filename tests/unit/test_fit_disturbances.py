@@ -264,7 +264,9 @@ def test_a_delay_that_others_explain_as_well_has_an_interval_that_holds_them(num
         assert abs(one.value - true[one.where.rpartition(" ")[2]]) < one.limit
 
 
-@pytest.mark.parametrize(("strength", "seed"), [(0.5, 2), (0.5, 6), (0.5, 7), (2.0, 5), (10.0, 0), (10.0, 4), (10.0, 6)])
+@pytest.mark.parametrize(
+    ("strength", "seed"), [(0.5, 2), (0.5, 6), (0.5, 7), (2.0, 5), (10.0, 0), (10.0, 4), (10.0, 6)]
+)
 def test_a_tone_at_the_end_of_the_band_is_no_mode(strength: float, seed: int) -> None:
     """Tones of the mains from 100 Hz on, where the lines begin; a line at the end shows one side of a peak."""
     drawn = disturbances.mains(np.random.default_rng([7711, seed, round(10 * strength)]), strength)
