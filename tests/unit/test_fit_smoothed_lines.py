@@ -1,6 +1,7 @@
 """FRFs whose lines were averaged with their neighbours: poles without the bias of that, and no average where there is none."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from ema.dof import Dof
 from ema.fit import modes, smoothing, stabilise
 from ema.fit.modal import reconstruction_error
 from tests.bench.disturbances import WINDOWS
+from tests.unit.test_windows import written
 
 NATURAL, ZETA = np.array([160.0, 250.0, 390.0]), np.array([0.006, 0.004, 0.005])
 """Half-power bandwidths of 3.8, 4 and 7.8 lines."""
@@ -101,3 +103,13 @@ def test_appended_zeros_are_no_average(factor: float) -> None:
     clean = receptances(EQUAL[1], 70).values
     noise *= NOISE / np.sqrt(np.mean(np.abs(noise) ** 2))
     assert smoothing.weights(replace(frfs, values=clean * (1 + noise))) is None
+
+
+def test_a_set_in_a_file_is_corrected(tmp_path: Path) -> None:
+    whole = receptances(EQUAL[5], 17)
+    in_file = written(tmp_path / "averaged.h5", whole)
+    assert in_file.in_file
+    model = modes(in_file, stabilise(in_file))
+    std = np.sqrt(model.covariance[:, [0, 1], [0, 1]])
+    assert np.all(np.abs(model.natural_frequencies - NATURAL) <= REACH * std[:, 0])
+    assert np.all(np.abs(model.damping_ratios - ZETA) <= REACH * std[:, 1])
