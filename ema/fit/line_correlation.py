@@ -1,8 +1,4 @@
-"""Errors that are not independent from line to line: windows, local models and zero padding make them so.
-
-Their autocorrelation is the transform of where in time the noise is, and so is that of a resonance; it is complex where
-these are not symmetric about t = 0. Noise of a record that zeros were appended to is where the free vibration is.
-"""
+"""Errors that are not independent from line to line: windows, local models and zero padding make them so."""
 
 from dataclasses import dataclass
 
@@ -15,9 +11,9 @@ from ema.fit.estimator import Fit, Observations
 
 _LONGEST = 60
 """Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
-_CHANCE = 2.9
-"""Modulus of the autocorrelation times the root of the number of values up to which a residual is taken for white: its
-square is exponential (Bartlett 1946), beyond this once in 4500."""
+_CHANCE = 2.5
+"""Autocorrelation times the root of the number of values up to which a residual is taken for white: 3.5 standard
+deviations (Bartlett 1946, of real parts), once in 4000."""
 _PARTS = 8
 """Parts of the band of which the median counts: with modes missing in three of them it lies among the other five."""
 _LINES_OF_PART = 50
@@ -28,11 +24,11 @@ _LINES_OF_PART = 50
 class LineCorrelation:
     """How the residual of a fit correlates over lines.
 
-    ``rho`` (lag,) is its autocorrelation, complex, 1 at lag 0, up to where it is lost in chance: of length 1 where the
-    lines are independent. ``s`` (line,) and ``weight`` (line,) are the lines and the root mean square of their weights.
+    ``rho`` (lag,) is its autocorrelation, 1 at lag 0, up to where it is lost in chance: of length 1 where the lines are
+    independent. ``s`` (line,) and ``weight`` (line,) are the lines and the root mean square of their weights.
     """
 
-    rho: Complex[np.ndarray, "lag"]
+    rho: Float[np.ndarray, "lag"]
     s: Complex[np.ndarray, "line"]
     weight: Float[np.ndarray, "line"]
 
@@ -53,22 +49,21 @@ class LineCorrelation:
         parts = np.array_split(residual, min(_PARTS, max(1, residual.shape[1] // _LINES_OF_PART)), axis=1)
         found = [autocorrelation(part) for part in parts]
         lags = min(len(rho) for rho in found)
-        typical = np.median([rho[:lags].view(float).reshape(-1, 2) for rho in found], axis=0)
-        return cls(_before_chance(typical @ [1, 1j], chance), data.s, weight)
+        return cls(_before_chance(np.median([rho[:lags] for rho in found], axis=0), chance), data.s, weight)
 
     def factor(self, poles: Complex[np.ndarray, "pole"], power: int = 1) -> Float[np.ndarray, "pole"]:
         """Energy that noise has along ``1 / (s - p)^power`` over that of noise independent from line to line.
 
-        It is ``sum_l rho(l) conj(c(l))`` with the autocorrelations of the noise and of the function, each 1 at lag 0:
-        the variance of a residue (``power`` 1) or of a pole (2) over that for independent lines, and what noise takes
-        off the cost of a fit when a mode there is fitted to it.
+        It is ``sum_l rho(l) c(l)`` with the autocorrelations of the noise and of the function, each 1 at lag 0: the
+        variance of a residue (``power`` 1) or of a pole (2) over that for independent lines, and what noise takes off
+        the cost of a fit when a mode there is fitted to it.
         """
         lags = len(self.rho)
         if lags < 2 or not len(poles):
             return np.ones(len(poles))
         functions = self.weight / (self.s - poles[:, None]) ** power
         reach = np.stack([autocorrelation(row[None])[1:lags] for row in functions])
-        return np.asarray(np.maximum(1, 1 + 2 * (reach.conj() @ self.rho[1 : 1 + reach.shape[1]]).real))
+        return np.asarray(np.maximum(1, 1 + 2 * reach @ self.rho[1 : 1 + reach.shape[1]]))
 
 
 def _weighted(data: Observations, fit: Fit) -> tuple[Complex[np.ndarray, "row line"], Float[np.ndarray, "line"]]:
@@ -79,9 +74,9 @@ def _weighted(data: Observations, fit: Fit) -> tuple[Complex[np.ndarray, "row li
     return residual.reshape(-1, len(data.s)), np.sqrt(np.mean(weights, axis=(0, 1)))
 
 
-def _before_chance(rho: Complex[np.ndarray, "lag"], chance: float) -> Complex[np.ndarray, "kept"]:
+def _before_chance(rho: Float[np.ndarray, "lag"], chance: float) -> Float[np.ndarray, "kept"]:
     """The lags before the first that white noise explains."""
-    return rho[: max(1, int(np.argmax(np.append(np.abs(rho), 0.0) < chance)))]
+    return rho[: max(1, int(np.argmax(np.append(rho, 0.0) < chance)))]
 
 
 def sample(data: Observations) -> slice:
@@ -89,12 +84,12 @@ def sample(data: Observations) -> slice:
     return slice(None, None, max(1, data.signals.size // SAMPLE))
 
 
-def autocorrelation(signals: Complex[np.ndarray, "row line"], least: float = 0.0) -> Complex[np.ndarray, "lag"]:
-    """Autocorrelation of rows, pooled, from lag 0 to where its modulus falls below ``least``."""
+def autocorrelation(signals: Complex[np.ndarray, "row line"], least: float = -np.inf) -> Float[np.ndarray, "lag"]:
+    """Real part of the autocorrelation of rows, pooled, from lag 0 to where it falls below ``least``."""
     count = signals.shape[1]
     energy = max(float(np.vdot(signals, signals).real), np.finfo(float).tiny)
-    found = [1.0 + 0.0j]
-    while len(found) < min(_LONGEST, count // 4) and abs(found[-1]) >= least:
+    found = [1.0]
+    while len(found) < min(_LONGEST, count // 4) and found[-1] >= least:
         lag = len(found)
-        found.append(complex(np.vdot(signals[:, : count - lag], signals[:, lag:])) / energy)
+        found.append(float(np.vdot(signals[:, : count - lag], signals[:, lag:]).real) / energy)
     return np.array(found)

@@ -139,7 +139,7 @@ def _correlated_noise(prepared: Prepared, state: "_State", known: Float[np.ndarr
     outputs = prepared.noise.outputs[:, None, None]
     size = np.abs(estimator.residual(data, at_lines)[0] * outputs * np.abs(data.s) ** prepared.derivative)
     # The median of an exponential distribution is log 2 of its mean: missing modes change it little.
-    return bool(np.max(rho[1:].real, initial=0.0) > _CORRELATED and np.median(size**2 / known) <= BEYOND * np.log(2))
+    return bool(np.max(rho[1:], initial=0.0) > _CORRELATED and np.median(size**2 / known) <= BEYOND * np.log(2))
 
 
 def extended(
