@@ -174,7 +174,7 @@ def test_outputs_of_a_set_larger_than_memory_hold_as_much_where_poles_describe_e
     data = data_of(data, fit, shapes)
     fit = estimator.evaluate(data, fit.poles, fit.participation, fit.terms, (shapes, fit.rest))
     exact = estimator.with_orthogonal_matrices(data, fit)
-    sums = _Sums(exact, 2, np.zeros(0, int))
+    sums = _Sums(exact, exact.rest.shape[-1], 2, np.zeros(0, int))
     for output in range(2):
         own = slice(output, output + 1)
         begin = _bare(exact, exact.shapes[own], exact.rest[own])
