@@ -36,6 +36,7 @@ from ema.fit.search import OPERATIONS
 from ema.fit.selection import Dropped, Selection, extended, of_poles, reduced, select
 from ema.fit.stabilisation import stabilise
 from ema.fit.uncertainty import PoleErrors
+from ema.messages import mark
 from ema.progress import Progress, advance, silent
 
 _MORE_POLES = 1.5
@@ -109,7 +110,8 @@ class Estimate:
     ``shapes`` are residuals that have the shape of a peak, ``alone`` (pole,) the probability that a pole is not several
     modes that overlap; ``compared`` are the modes of the set-ups of a test;
     ``full_set`` has the outputs of a set that is larger than memory; ``shown`` is what makes peaks broader,
-    ``uncorrected`` (mode,) are the poles that FRFs show before it is taken off, ``solution`` (mode,) where the next
+    ``uncorrected`` (mode,) are the poles that FRFs show before it is taken off, ``undecided`` says that nothing tells
+    whether resonances were averaged as the noise was, ``solution`` (mode,) where the next
     step would take the poles that have not converged in this, ``feedback`` what it makes of errors; ``stopped`` says
     that the search for poles was ended (`ema.fit.search.OPERATIONS`).
     """
@@ -128,6 +130,7 @@ class Estimate:
     shown: broadening.Broadening | None = None
     uncorrected: Complex[np.ndarray, "first"] | None = None
     solution: Complex[np.ndarray, "last"] | None = None
+    undecided: bool = False
     feedback: uncertainty.Gains = ()
     full_set: FullSet | None = None
     stopped: bool = False
@@ -194,18 +197,19 @@ class Estimate:
         )
 
     def _unsettled(self, model: ModalModel) -> ModalModel:
-        """The model with what the next turn of taking off the broadening would still change in its intervals."""
-        if self.solution is None or not len(self.solution):
-            return model
-        after = self.solution[np.argmin(np.abs(model.poles[:, None] - self.solution), axis=1)]
-        moved = np.stack(
-            [
-                model.natural_frequencies - natural_frequencies(after),
-                model.damping_ratios - damping_ratios(after),
-            ],
-            axis=1,
-        )
-        return uncertainty.widened(model, moved**2, "what the correction of broadened peaks leaves open")
+        """The model with what is not known of the correction in its intervals: what its next turn would change, or all
+        of it, where nothing tells whether the resonances were averaged as the noise was.
+        """
+        for others in (self.solution, self.uncorrected if self.undecided else None):
+            if others is None or not len(others):
+                continue
+            other = others[np.argmin(np.abs(model.poles[:, None] - others), axis=1)]
+            moved = np.stack(
+                [model.natural_frequencies - natural_frequencies(other), model.damping_ratios - damping_ratios(other)],
+                axis=1,
+            )
+            model = uncertainty.widened(model, moved**2, "what the correction of broadened peaks leaves open")
+        return model
 
     def _leakage(self, model: ModalModel) -> tuple[Finding, ...]:
         """What the blocks of a random test, or an average over lines, had done to the damping of these modes."""
@@ -215,7 +219,8 @@ class Estimate:
         change = damping_ratios(self.uncorrected[nearest]) - model.damping_ratios
         certain = np.abs(change) / np.sqrt(np.maximum(model.covariance[:, 1, 1], np.finfo(float).tiny))
         worst = int(np.argmax(certain))
-        if certain[worst] < broadening.SEEN:
+        # Intervals that hold the correction are as wide as it is.
+        if certain[worst] < (np.sin(np.arctan(broadening.SEEN)) if self.undecided else broadening.SEEN):
             return ()
         where = f"{self.band.name or 'fit'}, {model.natural_frequencies[worst]:.6g} Hz"
         limit = float(broadening.SEEN * np.sqrt(model.covariance[worst, 1, 1]))
@@ -223,21 +228,17 @@ class Estimate:
         if isinstance(self.shown, broadening.LineAverage):
             return (
                 Finding.of(
-                    "info" if self.solution is None else "warning",
+                    "info" if self.solution is None and not self.undecided else "warning",
                     "smoothed-lines",
                     where,
                     "Each value is an average over {lines} frequency lines, as the noise shows: without a correction "
-                    "the damping ratio of this vibration would be wrong by {change}. What the average does to the "
-                    "peaks was taken off."
-                    if self.solution is None
-                    else "Each value is an average over {lines} frequency lines, as the noise shows: without a "
-                    "correction the damping ratio of this vibration would be wrong by {change}. What the average does "
-                    "to the peaks was taken off. The correction did not converge; the intervals were widened for it.",
+                    "the damping ratio of this vibration would be wrong by {change}. {outcome}",
                     float(change[worst]),
                     limit,
                     advice="Fit FRFs that were not smoothed.",
                     lines=len(self.shown.weights),
                     change=relative,
+                    outcome=self._outcome(),
                 ),
             )
         return (
@@ -258,6 +259,20 @@ class Estimate:
                 change=relative,
             ),
         )
+
+    def _outcome(self) -> str:
+        """What became of the correction of an average."""
+        if self.undecided:
+            return mark(
+                "It was taken off, and the intervals hold both values: nothing tells whether the resonances were "
+                "averaged as the noise was, or left as a local model over lines leaves them."
+            )
+        if self.solution is not None:
+            return mark(
+                "What the average does to the peaks was taken off. The correction did not converge; the intervals were "
+                "widened for it."
+            )
+        return mark("What the average does to the peaks was taken off.")
 
 
 def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Estimate:
@@ -372,7 +387,14 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress, outputs: int | N
                 dropped=estimate.dropped,
             )
             estimate = replace(
-                estimate, errors=errors, verdict=verdict, shown=shown, uncorrected=history[0], feedback=own
+                estimate,
+                errors=errors,
+                verdict=verdict,
+                shown=shown,
+                uncorrected=history[0],
+                # Without the correction there is nothing but noise left either: both are possible.
+                undecided=isinstance(shown, broadening.LineAverage) and not first.optimum.misfit,
+                feedback=own,
             )
             return estimate if settled else replace(estimate, solution=step[0])
         if settled:
@@ -956,7 +978,11 @@ def reconstruction_error(measured: FrfSet, model: ModalModel) -> tuple[FrfSet, F
     shown = broadening.of(measured)
     if shown is not None:
         own = synthesis.residues(model, measured.outputs, measured.inputs)
-        rebuilt = replace(rebuilt, values=rebuilt.values + broadening.excess(shown, measured, model.poles, own))
+        broadened = rebuilt.values + broadening.excess(shown, measured, model.poles, own)
+        # The noise of a local model over lines is that of an average, its resonances are not.
+        far, near = (np.linalg.norm(values - measured.values) for values in (broadened, rebuilt.values))
+        if not isinstance(shown, broadening.LineAverage) or far < near:
+            rebuilt = replace(rebuilt, values=broadened)
     norm = np.linalg.norm(measured.values, axis=0)
     error = np.linalg.norm(rebuilt.values - measured.values, axis=0) / np.where(norm > 0, norm, 1)
     return rebuilt, error

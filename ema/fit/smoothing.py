@@ -5,6 +5,9 @@ between lines take away what is smooth over a few of them, the FRF, and leave no
 of w with the binomial coefficients does: an average over n lines has a spike at lag n, for its own differences are
 those between lines that are n apart. Polarities are correlated (arcsine law, Van Vleck and Middleton 1966), so that the
 few lines on which a narrow peak is left do not count for more than others.
+
+What this shows of the noise does not hold of the resonances for certain: a local polynomial over lines (Savitzky and
+Golay 1964) leaves noise with the same sharp edges, and resonances as they are.
 """
 
 from dataclasses import replace
@@ -28,9 +31,10 @@ _FEWEST = 2000
 """Real and imaginary parts from which on the correlation is taken: each lag scatters by 0.035 then."""
 _DEVIATION = 0.15
 """Largest deviation of a correlation from that of an average that is taken for one. In FRFs averaged over 3 to 15 lines
-it was 0.04 to 0.13 (801 lines, 6 responses, 3 to 20 lines across a peak); Hann blocks, windows, local models, zero
-padding and FRFs of no average deviate from all of these by 0.2 or more, or are closer to independent lines, but for the
-flat-top window (0.05 to 0.09 from an average of three), which second differences tell from it."""
+it was 0.04 to 0.13 (801 lines, 6 responses, 3 to 20 lines across a peak); Hann blocks, windows, zero padding and FRFs
+of no average deviate from all of these by 0.2 or more, or are closer to independent lines, but for the flat-top window
+(0.05 to 0.09 from an average of three), which second differences tell from it. Local models over lines whose edges are
+as sharp are not told from an average by their noise."""
 _CLEARLY = 0.75
 """Deviation from an average over that from the next best one up to which it is the one: 0.24 to 0.68 in those FRFs."""
 _WINDOW = 51
