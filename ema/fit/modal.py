@@ -356,7 +356,7 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress, outputs: int | N
     for turn in range(broadening.TURNS + 1):
         estimate = _once(corrected, poles, progress, searches, outputs=outputs)
         first = estimate if first is None else first
-        if isinstance(shown, broadening.LineAverage) and _worse(estimate, first):
+        if _may_be_local(shown) and _worse(estimate, first):
             # The noise is that of an average, the resonances are not: a local model leaves such FRFs.
             return _once(band, given, progress, outputs=outputs)
         verdict = estimate.verdict
@@ -393,7 +393,7 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress, outputs: int | N
                 shown=shown,
                 uncorrected=history[0],
                 # Without the correction there is nothing but noise left either: both are possible.
-                undecided=isinstance(shown, broadening.LineAverage) and not first.optimum.misfit,
+                undecided=_may_be_local(shown) and not first.optimum.misfit,
                 feedback=own,
             )
             return estimate if settled else replace(estimate, solution=step[0])
@@ -403,6 +403,14 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress, outputs: int | N
             guess, corrected = step, replace(band, values=band.values - broadening.excess(shown, band, *step))
             poles = stabilise(corrected, np.unique(poles.order).tolist())
     raise AssertionError
+
+
+def _may_be_local(shown: broadening.Broadening) -> bool:
+    """Whether a local model may have left the noise that shows an average, and the resonances as they are.
+
+    Over three lines none does: a polynomial of second degree goes through all, one of first degree is their mean.
+    """
+    return isinstance(shown, broadening.LineAverage) and len(shown.weights) > 3
 
 
 def _worse(now: Estimate, before: Estimate) -> bool:
