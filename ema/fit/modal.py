@@ -14,6 +14,7 @@ from ema.fit import (
     broadening,
     channel_phase,
     noise,
+    padding,
     peak_shape,
     set_up_shifts,
     set_ups,
@@ -109,11 +110,12 @@ class Estimate:
 
     ``shapes`` are residuals that have the shape of a peak, ``alone`` (pole,) the probability that a pole is not several
     modes that overlap; ``compared`` are the modes of the set-ups of a test;
-    ``full_set`` has the outputs of a set that is larger than memory; ``shown`` is what makes peaks broader,
-    ``uncorrected`` (mode,) are the poles that FRFs show before it is taken off, ``undecided`` says that nothing tells
-    whether resonances were averaged as the noise was, ``solution`` (mode,) where the next
-    step would take the poles that have not converged in this, ``feedback`` what it makes of errors; ``stopped`` says
-    that the search for poles was ended (`ema.fit.search.OPERATIONS`).
+    ``full_set`` has the outputs of a set that is larger than memory, ``dense`` says how much denser than the records
+    resolve the lines of ``frfs`` are, of which ``band`` has those that they resolve; ``shown`` is what makes peaks
+    broader, ``uncorrected`` (mode,) are the poles that FRFs show before it is taken off, ``undecided`` says that
+    nothing tells whether resonances were averaged as the noise was, ``solution`` (mode,) where the next step would take
+    the poles that have not converged in this, ``feedback`` what it makes of errors; ``stopped`` says that the search
+    for poles was ended (`ema.fit.search.OPERATIONS`).
     """
 
     frfs: FrfSet
@@ -133,6 +135,7 @@ class Estimate:
     undecided: bool = False
     feedback: uncertainty.Gains = ()
     full_set: FullSet | None = None
+    dense: padding.Density | None = None
     stopped: bool = False
 
     def model(self, near: Sequence[float] | None = None, index: Sequence[int] | None = None) -> ModalModel:
@@ -173,7 +176,9 @@ class Estimate:
         turned = channel_phase.turns(model, self.data.swapped)
         model = channel_phase.widened(model, turned)
         peaks = (*peaks, *channel_phase.findings(turned, self.band.name or "fit"))
-        return replace(model, findings=(*self._search(), *notes, *self._leakage(model), *peaks, *model.findings))
+        return replace(
+            model, findings=(*self._search(), *self._density(), *notes, *self._leakage(model), *peaks, *model.findings)
+        )
 
     def _search(self) -> tuple[Finding, ...]:
         """That the search was ended, and what it left."""
@@ -193,6 +198,25 @@ class Estimate:
                 "band.",
                 operations=f"{OPERATIONS:.0e}",
                 left=f"{left:.2g}",
+            ),
+        )
+
+    def _density(self) -> tuple[Finding, ...]:
+        """That lines are denser than the records resolve."""
+        if self.dense is None:
+            return ()
+        return (
+            Finding.of(
+                "info",
+                "dependent-lines",
+                self.band.name or "fit",
+                "The frequency lines are {factor} times as dense as the records resolve, as zeros appended to them "
+                "make them: errors of neighbouring lines are not independent. Lines {spacing} Hz apart were fitted, "
+                "which hold all that was measured.",
+                self.dense.factor,
+                advice="Nothing has to be done; FRFs without appended zeros are fitted faster.",
+                factor=f"{self.dense.factor:.2g}",
+                spacing=f"{self.band.frequency_step:.4g}",
             ),
         )
 
@@ -282,7 +306,8 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
     ------
     InputError : the FRFs cannot be fitted.
     """
-    band = frfs.band(*poles.band)
+    dense = padding.density(frfs)
+    band = (frfs if dense is None else padding.resolved(frfs, dense)).band(*poles.band)
     if band.in_file:
         return _of_file(frfs, band, poles, progress)
     table, compared = poles, None
@@ -297,7 +322,7 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
             band = set_ups.aligned(band, fits, compared)
             table = stabilise(band, np.unique(poles.order).tolist())
     found = _fitted(band, table, progress)
-    return replace(found, frfs=frfs, table=poles, compared=compared)
+    return replace(found, frfs=frfs, table=poles, compared=compared, dense=dense)
 
 
 def _of_file(frfs: FrfSet, band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
