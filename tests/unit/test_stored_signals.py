@@ -44,8 +44,8 @@ def structure(force: np.ndarray, rng: np.random.Generator) -> Recording:
 def test(kind: str, rng: np.random.Generator) -> tuple[Run, callable]:
     """A run of two records, and what estimates its FRFs."""
     t = np.arange(20480) / RATE
-    if kind == "random":
-        forces, estimator = [rng.standard_normal(20480) for _ in range(2)], shaker
+    if kind == "random":  # a fit on every line: the time of 20 s would be that of all other kinds
+        forces, estimator = [rng.standard_normal(8192) for _ in range(2)], shaker
     elif kind == "welch":
         forces, estimator = [rng.standard_normal(20480) for _ in range(2)], lambda run: shaker(run, method="welch")
     elif kind == "sweep":
@@ -69,27 +69,29 @@ test.__test__ = False
 
 
 @pytest.mark.parametrize("kind", ["random", "welch", "sweep", "stepped sine", "hammer"])
-@pytest.mark.parametrize("growing", [False, True])
-def test_frfs_of_signals_in_a_file_are_those_in_memory(tmp_path: Path, kind: str, growing: bool):
+def test_frfs_of_signals_in_a_file_are_those_in_memory(tmp_path: Path, kind: str):
+    """Of files that were written at once, and of files that grew block by block."""
     run, estimator = test(kind, np.random.default_rng(20261201))
-    stored = []
-    for number, record in enumerate(run.recordings):
-        path = tmp_path / f"{number}.h5"
-        if growing:
-            with store.Writer(path, kind="noun") as writer:
-                block = writer.begin(replace(record, signals=record.signals[:, :0]))
-                for start in range(0, 20480, 3000):
-                    block.append(record.signals[:, start : start + 3000])
-        else:
-            store.save(path, record)
-        stored.append(record_of(path, 0, 1))
-        assert isinstance(stored[-1].signals, StoredSignals)
-    inside, there = estimator(run), estimator(replace(run, recordings=tuple(stored)))
-    assert isinstance(there, FrfSet) and np.array_equal(inside.values, there.values)
-    assert np.array_equal(inside.variance, there.variance) and np.array_equal(inside.coherence, there.coherence)
-    assert inside.findings == there.findings
-    if kind in ("random", "sweep"):
-        assert "drift" in {finding.code for finding in there.findings}
+    inside = estimator(run)
+    for growing in (False, True):
+        stored = []
+        for number, record in enumerate(run.recordings):
+            path = tmp_path / f"{number} {growing}.h5"
+            if growing:
+                with store.Writer(path, kind="noun") as writer:
+                    block = writer.begin(replace(record, signals=record.signals[:, :0]))
+                    for start in range(0, record.signals.shape[1], 3000):
+                        block.append(record.signals[:, start : start + 3000])
+            else:
+                store.save(path, record)
+            stored.append(record_of(path, 0, 1))
+            assert isinstance(stored[-1].signals, StoredSignals)
+        there = estimator(replace(run, recordings=tuple(stored)))
+        assert isinstance(there, FrfSet) and np.array_equal(inside.values, there.values)
+        assert np.array_equal(inside.variance, there.variance) and np.array_equal(inside.coherence, there.coherence)
+        assert inside.findings == there.findings
+        if kind in ("random", "sweep"):
+            assert "drift" in {finding.code for finding in there.findings}
 
 
 def test_an_index_gives_what_it_gives_of_an_array(tmp_path: Path):
