@@ -313,8 +313,8 @@ def test_drift_of_a_random_force_is_taken_off(method):
     """The lines that it filled were taken for excited ones, and no mode was found."""
     rng = np.random.default_rng(15)
     shape = scipy.signal.butter(4, [20, 250], "band", fs=RATE * FINER, output="sos")
-    force = scipy.signal.sosfiltfilt(shape, 100 * rng.normal(size=int(24 * RATE) * FINER))
-    measured = force[::FINER] + 10 * force.std() * np.linspace(0, 1, int(24 * RATE))
+    force = scipy.signal.sosfiltfilt(shape, 100 * rng.normal(size=int(12 * RATE) * FINER))
+    measured = force[::FINER] + 10 * force.std() * np.linspace(0, 1, int(12 * RATE))
     take = record(measured, noisy(vibration(force), rng))
     frfs = shaker(run([take], "random"), method=method)
     assert len(said(frfs.findings, "drift")) == 1
@@ -333,7 +333,7 @@ def test_a_force_that_is_turned_in_one_record_is_named(kind, channels):
     else:
         takes = []
         for n in range(3):
-            force = np.cumsum(rng.normal(size=int(30 * RATE) * FINER)) * 0.1
+            force = np.cumsum(rng.normal(size=int(4 * RATE) * FINER)) * 0.1
             force = scipy.signal.sosfilt(
                 scipy.signal.butter(2, [10, 300], "band", fs=RATE * FINER, output="sos"), force
             )
@@ -346,19 +346,21 @@ def test_a_force_that_is_turned_in_one_record_is_named(kind, channels):
     assert "all FRFs from turned" in finding.message and finding.severity == "error"
 
 
-@pytest.mark.parametrize("source", [0, 2])
 @pytest.mark.parametrize("kind", ["random", "sweep", "stepped sine"])
-def test_channels_that_show_one_signal_are_named(kind, source):
+def test_channels_that_show_one_signal_are_named(kind):
     rng = np.random.default_rng(62)
     if kind == "stepped sine":
         takes, estimate = single_steps(rng), stepped
-    else:
-        takes, estimate = sweeps(rng), sweep if kind == "sweep" else shaker
+    elif kind == "sweep":
+        takes, estimate = sweeps(rng), sweep
+    else:  # a fit on every line, which short records have fewer of
+        takes, estimate = sweeps(rng, seconds=3.0, rest=2.0), shaker
     assert not said(estimate(run(takes, kind)).findings, "equal-channels")
-    copies = []
-    for take in takes:
-        signals = np.array(take.signals)
-        signals[4] = 0.5 * signals[source]
-        copies.append(Recording(signals, RATE, take.channels, name=take.name))
-    (finding,) = said(estimate(run(copies, kind)).findings, "equal-channels")
-    assert f"channels {'F' if source == 0 else 'a2'} and a4 show one signal" in finding.message
+    for source in (0, 2):
+        copies = []
+        for take in takes:
+            signals = np.array(take.signals)
+            signals[4] = 0.5 * signals[source]
+            copies.append(Recording(signals, RATE, take.channels, name=take.name))
+        (finding,) = said(estimate(run(copies, kind)).findings, "equal-channels")
+        assert f"channels {'F' if source == 0 else 'a2'} and a4 show one signal" in finding.message
