@@ -52,6 +52,25 @@ def test_every_value_of_the_list_is_a_peak_of_a_singular_value(hann):
             assert np.abs(peaks - frequency).min() <= 0.6, frequency
 
 
+@pytest.mark.parametrize("estimated", ["hann", "sharp"])
+def test_multiple_coherence_and_inputs(estimated, request):
+    frfs = request.getfixturevalue(estimated)
+    assert 0.98 < np.median(frfs.band(10, 500).coherence) <= 1.0
+    (correlation,) = [finding for finding in frfs.findings if finding.code == "input-correlation"]
+    assert correlation.severity == "info"
+    assert correlation.value < 0.15
+
+
+def test_all_modes_show_in_the_singular_values_of_the_local_model(sharp):
+    """468 Hz apart, which is no mode."""
+    frfs = sharp.band(40, 500)
+    logarithm = np.log(singular_values(frfs))
+    for row, wanted in ((0, FIRST[:-1]), (1, SECOND)):
+        peaks = frfs.frequencies[find_peaks(logarithm[:, row], prominence=0.3)[0]]
+        for frequency in wanted:
+            assert np.abs(peaks - frequency).min() <= 0.6, frequency
+
+
 def test_no_mode_is_found_between_the_two_told_nothing(pair):
     found = pair.natural_frequencies
     assert found == pytest.approx([214.97, 229.44, 239.34], abs=0.1)
