@@ -54,6 +54,7 @@ def judged(run, block, method="local"):
     return errors, len(modes.poles) - int(np.isfinite(errors[:, 0]).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("unmeasured", "least", "most"), [(0.0, 0.5, 1.3), (0.01, 0.8, 2.2)])
 def test_a_force_that_was_not_measured_is_in_the_intervals(unmeasured, least, most):
     """It moves all twelve responses in the shape of the mode, which then tell no more than one of them. Taken for
@@ -77,6 +78,7 @@ def test_averages_of_hann_blocks_know_what_their_ends_and_unmeasured_forces_add_
     assert np.nanmax(np.abs(errors)) < 4
 
 
+@pytest.mark.slow
 def test_no_line_runs_away_where_responses_err_together():
     """A root of the denominator on one of the lines leaves that line out of the fit; its FRFs were 1e3 to 1e9 then."""
     for seed in range(200, 216):
