@@ -84,7 +84,7 @@ def test_records_that_break_are_named(fault, least):
 
 def test_what_is_said_of_a_record_that_breaks():
     rng = np.random.default_rng(72)
-    takes = [shaken(rng), shaken(rng)]
+    takes = [shaken(rng, 6.0), shaken(rng, 6.0)]
     assert not said(shaker(run(takes, "random")).findings, "signals-break")
     signals = lost(np.array(takes[1].signals), 4096, 100)
     (finding,) = said(
