@@ -19,6 +19,7 @@ import scipy.special
 from jaxtyping import Complex, Float
 
 from ema.data import FrfSet
+from ema.fit import noise
 from ema.fit.compression import SAMPLE
 
 _ORDER = 6
@@ -37,8 +38,6 @@ of no average deviate from all of these by 0.2 or more, or are closer to indepen
 as sharp are not told from an average by their noise."""
 _CLEARLY = 0.75
 """Deviation from an average over that from the next best one up to which it is the one: 0.24 to 0.68 in those FRFs."""
-_WINDOW = 51
-"""Lines over which the size of the noise is taken: its median is known to 12 % then."""
 
 
 def _binomial() -> Float[np.ndarray, "coefficient"]:
@@ -109,8 +108,10 @@ def marked(frfs: FrfSet, weights: tuple[float, ...]) -> FrfSet:
     if frfs.variance is not None or frfs.coherence is not None:
         return replace(frfs, effective_lines=lines)
     left = np.convolve(w, _binomial())
-    power = np.abs(np.diff(np.asarray(frfs.values), _ORDER, axis=0)) ** 2 * float(w @ w) / float(left @ left)
-    # The median of an exponential distribution is log 2 of its mean.
-    typical = scipy.ndimage.median_filter(power, (_WINDOW, 1, 1), mode="nearest") / np.log(2)
-    padding = ((_ORDER // 2, _ORDER - _ORDER // 2), (0, 0), (0, 0))
-    return replace(frfs, effective_lines=lines, variance=np.pad(typical, padding, mode="edge"))
+    values = np.asarray(frfs.values).transpose(1, 2, 0)
+    differences = np.abs(np.diff(values, _ORDER, axis=-1)) ** 2 * float(w @ w) / float(left @ left)
+    power = np.pad(differences, ((0, 0), (0, 0), (_ORDER // 2, _ORDER - _ORDER // 2)), mode="edge")
+    # A profile over the lines alone would miss noise that grows with the FRF at the peaks, where it counts.
+    size = scipy.ndimage.uniform_filter1d(np.abs(values) ** 2, _ORDER + 1, axis=-1, mode="nearest")
+    variance = noise.structure(power, size).variance(power, size)
+    return replace(frfs, effective_lines=lines, variance=variance.transpose(2, 0, 1))
