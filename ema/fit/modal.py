@@ -23,6 +23,7 @@ from ema.fit import (
 )
 from ema.fit.acceptance import Verdict, judge, surplus, with_shapes
 from ema.fit.candidates import like_modes
+from ema.fit.canonical import canonical, model_in_order, one_thread, table_in_order
 from ema.fit.companions import companions
 from ema.fit.compression import compressed
 from ema.fit.estimator import Fit
@@ -136,6 +137,7 @@ class Estimate:
     feedback: uncertainty.Gains = ()
     full_set: FullSet | None = None
     dense: padding.Density | None = None
+    scale: float = 1.0
     stopped: bool = False
 
     def model(self, near: Sequence[float] | None = None, index: Sequence[int] | None = None) -> ModalModel:
@@ -153,19 +155,25 @@ class Estimate:
         order = order[np.argsort(np.abs(fit.poles[order]), kind="stable")]
 
         def made(data: Prepared, optimum: Refined, errors: PoleErrors) -> ModalModel:
-            return _model(self.band, data, *of_whole_vibration(optimum, errors, order, self.band), verdict, order)
+            return _model(
+                self.band,
+                data,
+                *of_whole_vibration(optimum, errors, order, self.band, scale=self.scale),
+                verdict,
+                order,
+            )
 
         def made_of_part(data: Prepared, optimum: Refined, errors: PoleErrors) -> ModalModel:
             return made(data, optimum, uncertainty.amplified(errors, optimum.fit, self.feedback))
 
         if self.full_set is None:
-            model = made(self.data, self.optimum, self.errors)
+            model = model_in_order(made(self.data, self.optimum, self.errors), self.frfs)
         else:
             model = self.full_set.model(made_of_part)
             model = replace(model, findings=(*model.findings, self.full_set.finding))
         model = replace(model, findings=(*model.findings, *companions(model)))
-        if self.compared is not None and self.band.set_ups is not None:
-            model = set_up_shifts.stated(model, self.compared, self.band.set_ups)
+        if self.compared is not None and self.frfs.set_ups is not None:
+            model = set_up_shifts.stated(model, self.compared, self.frfs.set_ups)
         model = self._unsettled(model)
         added = peak_shape.variances(self.shapes, fit.poles)[order]
         model = uncertainty.widened(model, added, "what the shape of the residual amounts to")
@@ -307,10 +315,10 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
     InputError : the FRFs cannot be fitted.
     """
     dense = padding.density(frfs)
-    band = (frfs if dense is None else padding.resolved(frfs, dense)).band(*poles.band)
+    band, scale = canonical((frfs if dense is None else padding.resolved(frfs, dense)).band(*poles.band))
     if band.in_file:
         return _of_file(frfs, band, poles, progress)
-    table, compared = poles, None
+    table, compared = table_in_order(poles, band), None
     parts = set_ups.split(band)
     if parts:
         try:
@@ -321,8 +329,9 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
         if compared is not None and compared.differ:
             band = set_ups.aligned(band, fits, compared)
             table = stabilise(band, np.unique(poles.order).tolist())
-    found = _fitted(band, table, progress)
-    return replace(found, frfs=frfs, table=poles, compared=compared, dense=dense)
+    with one_thread():
+        found = _fitted(band, table, progress)
+    return replace(found, frfs=frfs, table=poles, compared=compared, dense=dense, scale=scale)
 
 
 def _of_file(frfs: FrfSet, band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:

@@ -33,12 +33,15 @@ def record_factor(poles: Complex[np.ndarray, "mode"], frfs: FrfSet) -> Complex[n
 
 
 def of_whole_vibration(
-    optimum: Refined, errors: PoleErrors, modes: Int[np.ndarray, "mode"], frfs: FrfSet
+    optimum: Refined, errors: PoleErrors, modes: Int[np.ndarray, "mode"], frfs: FrfSet, *, scale: float = 1.0
 ) -> tuple[Refined, PoleErrors]:
-    """The optimum and its errors with the participation that ``modes`` would have in a record without end."""
-    factor = np.ones(len(optimum.fit.poles), complex)
-    factor[modes] = record_factor(optimum.fit.poles[modes], frfs)
-    fit = replace(optimum.fit, participation=optimum.fit.participation / factor)
+    """The optimum and its errors with the participation that ``modes`` would have in a record without end, and all
+    residues and residual terms times ``scale``.
+    """
+    factor = np.full(len(optimum.fit.poles), 1 / scale, complex)
+    factor[modes] *= record_factor(optimum.fit.poles[modes], frfs)
+    fit = optimum.fit
+    fit = replace(fit, participation=fit.participation / factor, rest=fit.rest * scale)
     each = tuple(
         replace(own, participation=own.participation / one) for own, one in zip(errors.modes, factor, strict=True)
     )

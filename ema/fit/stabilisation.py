@@ -8,6 +8,7 @@ from jaxtyping import Complex
 from ema.data import FrfSet, PoleTable, damping_ratios, natural_frequencies
 from ema.errors import InputError
 from ema.fit import lscf
+from ema.fit.canonical import canonical, one_thread, table_in_order
 from ema.fit.compression import compressed
 from ema.fit.prepare import Prepared, prepare
 from ema.progress import Progress, advance, silent
@@ -62,8 +63,10 @@ def stabilise(
     """
     if frfs.in_file:
         frfs = compressed(frfs.lines(frfs.frequencies > 0), progress).frfs
-    data = prepare(frfs)
-    return stabilise_prepared(data, frfs, orders, tolerances, progress)
+    form, _ = canonical(frfs)
+    with one_thread():
+        table = stabilise_prepared(prepare(form), form, orders, tolerances, progress)
+    return table_in_order(table, frfs)
 
 
 def stabilise_prepared(

@@ -181,23 +181,33 @@ def sayings(frfs: FrfSet, original: Stated, rng: np.random.Generator) -> dict[st
         said["one mode not asked for"] = replace(plain(frfs), near=tuple(every[one] for one in kept), kept=kept)
         one = int(rng.integers(len(every)))
         said["one mode asked for"] = replace(plain(frfs), near=(every[one],), kept=(one,))
-        said["one mode asked for twice"] = replace(
-            plain(frfs), kept=tuple(range(len(every))), request={"index": _twice(frfs, original)}
-        )
+        rows, shown = _twice(frfs, original)
+        if shown:
+            said["one mode asked for twice"] = replace(plain(frfs), kept=shown, request={"index": rows})
     return said
 
 
-def _twice(frfs: FrfSet, original: Stated) -> list[int]:
-    """Rows of the pole table: the nearest to each mode, and the next nearest of another order to one of them."""
+def _twice(frfs: FrfSet, original: Stated) -> tuple[list[int], tuple[int, ...]]:
+    """Rows of the pole table: the nearest to each mode, and the next nearest of another order to one of the modes; and the
+    modes that these ask for. A mode that the search of the residual brought has no row within its width.
+    """
     table = ema.fit.stabilise(frfs)
+    widths = np.abs(original.model.poles.real[:, None]) + np.abs(table.poles.real)
+    distance = np.abs(original.model.poles[:, None] - table.poles) / widths
+    # A row belongs to the nearest mode.
+    distance[np.arange(len(distance))[:, None] != np.argmin(distance, axis=0)] = np.inf
+    shown = np.flatnonzero(np.min(distance, axis=1) <= 1)
     rows: list[int] = []
-    for mode, pole in enumerate(original.model.poles):
-        distance = np.abs(table.poles - pole)
-        nearest = np.argsort(distance)
+    for place, mode in enumerate(shown):
+        nearest = np.argsort(distance[mode])
         rows.append(int(nearest[0]))
-        if mode == len(original.model.poles) // 2:
-            rows += [int(row) for row in nearest[1:20] if table.order[row] != table.order[nearest[0]]][:1]
-    return list(dict.fromkeys(rows))
+        if place == len(shown) // 2:
+            rows += [
+                int(row)
+                for row in nearest[1:]
+                if table.order[row] != table.order[nearest[0]] and distance[mode, row] <= 1
+            ][:1]
+    return list(dict.fromkeys(rows)), tuple(shown.tolist())
 
 
 def fitted(said: Said) -> Stated:
