@@ -521,7 +521,7 @@ def _once(
         chosen = reduced(chosen, optimum.kept[gone], why)
     dropped = (*chosen.dropped, *optimum.dropped)
     verdict = _verdict(band, optimum, errors, possible, alone=alone, dropped=dropped)
-    shapes = peak_shape.examine(optimum, errors, verdict.possible)
+    shapes = peak_shape.examine(optimum, errors, verdict.possible, verdict.accepted)
     return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes, alone, stopped=chosen.stopped)
 
 

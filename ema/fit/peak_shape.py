@@ -59,7 +59,12 @@ AVERAGED = 0.5
 """Energy of third differences of the residuals of neighbouring lines between the peaks, over that of lines three apart,
 below which lines were averaged: 1 for independent lines, 0.2 for the mean of three, above 1 for windows."""
 
-Kind = Literal["leaning", "feedback", "spread", "averaged"]
+SAME_SHAPE = 0.8
+"""MAC of the residues of a pole and a mode from which on they have one shape."""
+FEWEST_FRFS = 3
+"""FRFs from which on a shape says something."""
+
+Kind = Literal["leaning", "feedback", "spread", "averaged", "in parts"]
 
 
 @dataclass(frozen=True)
@@ -67,8 +72,9 @@ class PeakShape:
     """Residual of a pole that has the shape of its peak.
 
     ``kind`` is ``leaning`` (frequency or damping depend on the amplitude), ``feedback`` (noise in the force where the
-    structure pulls it down), ``spread`` (of poles) or ``averaged`` (over lines); ``error`` is what that amounts to in
-    the pole, over its decay rate.
+    structure pulls it down), ``spread`` (of poles), ``averaged`` (over lines) or ``in parts`` (a pole that is no mode has
+    a part of the peak, of which nothing says what it is); ``error`` is what that amounts to in the pole, over its decay
+    rate.
     """
 
     pole: int
@@ -76,8 +82,13 @@ class PeakShape:
     error: float
 
 
-def examine(optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"]) -> tuple[PeakShape, ...]:
-    """Look at the residual around some ``poles`` of an optimum.
+def examine(
+    optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"], accepted: Bool[np.ndarray, "pole"]
+) -> tuple[PeakShape, ...]:
+    """Look at the residual around some ``poles`` of an optimum, of which some are ``accepted`` as modes.
+
+    A pole that is no mode, next to a mode and of the same shape, stands for what is left of the peak: it counts as
+    residual.
 
     Returns
     -------
@@ -97,9 +108,15 @@ def examine(optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"
         shape = fit.shapes[:, 0, pole, None] * fit.participation[:, pole]
         weight = data.weights[..., near]
         known = np.einsum("oif,oi->f", weight, np.abs(shape) ** 2)
-        modal = np.einsum("oif,oi,oif->f", weight, shape.conj(), residual[..., near]) / known
+        parts = _of_parts(fit, int(pole), accepted, data.s[near])
+        modal, of_parts = (
+            np.einsum("oif,oi,oif->f", weight, shape.conj(), own) / known
+            for own in (residual[..., near] + parts, parts)
+        )
         x, loss = data.s[near] - 1j * centre, float(optimum.loss[pole])
         tangent = [1 / (x + decay), decay / (x + decay) ** 2, np.ones(lines) / decay, x / decay**2]
+        root = np.sqrt(known)
+        taken = float(np.abs(np.linalg.lstsq(np.array(tangent).T * root[:, None], of_parts * root, rcond=None)[0][1]))
         cubed = decay**2 / (x + decay) ** 3
         growing = [1 / (x - ratio * decay) for ratio in RATIOS]
         shares = [_share([*tangent, cubed], function, modal, known, loss) for function in growing]
@@ -112,11 +129,29 @@ def examine(optimum: Refined, errors: PoleErrors, poles: Bool[np.ndarray, "pole"
             turned = abs(least.factor.imag) > LEANS * abs(least.factor.real)
             slips = causal.chance < CHANCE and -causal.shift.real > LOSS * least.factor.real > 0
             leaning = turned or slips
-            peaks.append(PeakShape(int(pole), "leaning" if leaning else "feedback", height))
+            peaks.append(PeakShape(int(pole), "leaning" if leaning else "feedback", float(np.hypot(height, taken))))
         elif causal.chance < CHANCE and -causal.shift.real > SPREAD * relative:
             averaged = _between_peaks(data, fit, residual, poles) < AVERAGED
-            peaks.append(PeakShape(int(pole), "averaged" if averaged else "spread", abs(causal.shift)))
+            peaks.append(
+                PeakShape(int(pole), "averaged" if averaged else "spread", float(np.hypot(abs(causal.shift), taken)))
+            )
+        elif taken > 0:
+            peaks.append(PeakShape(int(pole), "in parts", taken))
     return tuple(peaks)
+
+
+def _of_parts(
+    fit: Fit, mode: int, accepted: Bool[np.ndarray, "pole"], s: Complex[np.ndarray, "line"]
+) -> Complex[np.ndarray, "out in line"]:
+    """What poles that are no modes give to the peak of a mode: those near it that have its shape."""
+    residues = fit.shapes[:, 0, None, :] * fit.participation[None, :, :]
+    own = residues[..., mode]
+    alike = np.abs(np.einsum("oi,oip->p", own.conj(), residues)) ** 2 >= SAME_SHAPE * (
+        np.sum(np.abs(own) ** 2) * np.sum(np.abs(residues) ** 2, axis=(0, 1))
+    )
+    near = np.abs(fit.poles - fit.poles[mode]) < REACH * -fit.poles[mode].real
+    parts = np.flatnonzero(alike & near & ~accepted & accepted[mode] & (own.size >= FEWEST_FRFS))
+    return np.asarray(np.einsum("oip,pf->oif", residues[..., parts], 1 / (s - fit.poles[parts, None])))
 
 
 def variances(shapes: tuple[PeakShape, ...], poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole 2"]:
@@ -128,7 +163,7 @@ def variances(shapes: tuple[PeakShape, ...], poles: Complex[np.ndarray, "pole"])
     return result
 
 
-_WORDS: dict[Kind, tuple[str, str, str]] = {
+_WORDS: dict[str, tuple[str, str, str]] = {
     "leaning": (
         "leaning-peak",
         mark(
@@ -167,6 +202,9 @@ def findings(shapes: tuple[PeakShape, ...], frequencies: Float[np.ndarray, "pole
     """A finding for each peak, with natural ``frequencies`` of all poles in Hz."""
     notes = []
     for shape in shapes:
+        # The pole that is no mode has a finding of its own, as a candidate.
+        if shape.kind == "in parts":
+            continue
         code, what, advice = _WORDS[shape.kind]
         notes.append(
             Finding.of(
