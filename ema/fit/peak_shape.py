@@ -72,9 +72,9 @@ class PeakShape:
     """Residual of a pole that has the shape of its peak.
 
     ``kind`` is ``leaning`` (frequency or damping depend on the amplitude), ``feedback`` (noise in the force where the
-    structure pulls it down), ``spread`` (of poles), ``averaged`` (over lines) or ``in parts`` (a pole that is no mode has
-    a part of the peak, of which nothing says what it is); ``error`` is what that amounts to in the pole, over its decay
-    rate.
+    structure pulls it down), ``spread`` (of poles), ``averaged`` (over lines) or ``in parts`` (a pole that is no mode
+    has a part of the peak, of which nothing says what it is); ``error`` is what that amounts to in the pole, over its
+    decay rate.
     """
 
     pole: int
