@@ -23,11 +23,11 @@ from ema.fit import noise
 from ema.units import DERIVATIVE_ORDER, FRF_UNIT, FrfQuantity
 
 _PART_OF_NOISE = 1e-4
-"""Grid of the values over the noise of the FRF that has least of it: modes move by some hundred-thousandths of their
-standard deviations. Of sets of a million values with 0.1 % noise that differ in the sixteenth digit, two in a thousand
-have a value that is rounded the other way."""
+"""Grid of the values over the noise of the FRF that has least of it, at most: rounding adds a few hundred-thousandths of
+their standard deviations to the modes (the grid over the root of 12). The same values in other units differ by the last
+digit, and are rounded the other way where they are as near to the middle between two values of the grid."""
 _FINEST = -50
-"""Exponent of two of the finest grid, over the largest value: FRFs without noise are not rounded."""
+"""Exponent of two of the finest grid, over the largest value: doubles have four binary digits more."""
 _DIGITS = 24
 """Binary digits of variances."""
 _POOLED = 25
@@ -55,7 +55,7 @@ def canonical(frfs: FrfSet) -> tuple[FrfSet, float]:
         variance = np.ascontiguousarray(np.ldexp(np.round(mantissa * 2.0**_DIGITS), exponent - _DIGITS))
     deviations = frfs.deviations
     if deviations is not None:
-        deviations = replace(deviations, values=np.asarray(deviations.values) / np.float32(scale))
+        deviations = replace(deviations, values=np.asarray(deviations.values) / scale)
     grid = _grid(values, frfs, scale)
     rounded = np.round(values / scale / grid) * grid
     return replace(frfs, values=rounded, variance=variance, deviations=deviations), scale
@@ -138,18 +138,20 @@ def _grid(values: np.ndarray, frfs: FrfSet, scale: float) -> float:
 def _with_flattest_noise(frfs: FrfSet) -> FrfSet:
     """The set as receptances, mobilities or accelerances, whichever have the flattest noise, where that is known.
 
-    Under an exponential window the residues depend on which of them was measured (`ema.fit.record_end`).
+    Under an exponential window the residues depend on which of them was measured (`ema.fit.record_end`), and in Hann
+    blocks what the window does to the peaks (`ema.fit.broadening`).
     """
     given = DERIVATIVE_ORDER[frfs.quantity]
-    variance = (
-        None if frfs.quantity not in _KINDS or frfs.added_decay or frfs.variance is None else noise.measured(frfs)
-    )
+    kept = frfs.quantity not in _KINDS or frfs.added_decay or frfs.window == "hann"
+    variance = None if kept or frfs.variance is None else noise.measured(frfs)
     if variance is None:
         return frfs
     frfs, variance = frfs.lines(frfs.frequencies > 0), variance[frfs.frequencies > 0]
     omega, profile = 2 * np.pi * frfs.frequencies, _profile(variance)
     ranges = [float(np.std(profile + 2 * (DERIVATIVE_ORDER[kind] - given) * np.log(omega))) for kind in _KINDS]
     flattest = _KINDS[int(np.argmin(ranges))]
+    if flattest == frfs.quantity:
+        return frfs
     factor = ((1j * omega) ** (DERIVATIVE_ORDER[flattest] - given))[:, None, None]
     deviations = frfs.deviations
     if deviations is not None:
@@ -157,7 +159,7 @@ def _with_flattest_noise(frfs: FrfSet) -> FrfSet:
     return replace(
         frfs,
         values=frfs.values * factor,
-        variance=None if frfs.variance is None else frfs.variance * np.abs(factor) ** 2,
+        variance=variance * np.abs(factor) ** 2,
         deviations=deviations,
         quantity=flattest,
         unit=FRF_UNIT[flattest] if frfs.scaled else frfs.unit,

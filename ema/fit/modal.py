@@ -110,13 +110,14 @@ class Estimate:
     """All poles of the band fitted and judged: what `modes` reports, for any choice of modes (`model`).
 
     ``shapes`` are residuals that have the shape of a peak, ``alone`` (pole,) the probability that a pole is not several
-    modes that overlap; ``compared`` are the modes of the set-ups of a test;
-    ``full_set`` has the outputs of a set that is larger than memory, ``dense`` says how much denser than the records
-    resolve the lines of ``frfs`` are, of which ``band`` has those that they resolve; ``shown`` is what makes peaks
-    broader, ``uncorrected`` (mode,) are the poles that FRFs show before it is taken off, ``undecided`` says that
-    nothing tells whether resonances were averaged as the noise was, ``solution`` (mode,) where the next step would take
-    the poles that have not converged in this, ``feedback`` what it makes of errors; ``stopped`` says that the search
-    for poles was ended (`ema.fit.search.OPERATIONS`).
+    modes that overlap; ``compared`` are the modes of the set-ups of a test; ``full_set`` has the outputs of a set that
+    is larger than memory, ``dense`` says how much denser than the records resolve the lines of ``frfs`` are, of which
+    ``band`` has those that they resolve, in the form in which they are fitted, and ``scale`` is the factor from its
+    residues to those of ``frfs`` (`ema.fit.canonical`); ``shown`` is what makes peaks broader, ``uncorrected`` (mode,)
+    are the poles that FRFs show before it is taken off, ``undecided`` says that nothing tells whether resonances were
+    averaged as the noise was, ``solution`` (mode,) where the next step would take the poles that have not converged in
+    this, ``feedback`` what it makes of errors; ``stopped`` says that the search for poles was ended
+    (`ema.fit.search.OPERATIONS`).
     """
 
     frfs: FrfSet
