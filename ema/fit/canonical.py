@@ -23,9 +23,10 @@ from ema.fit import noise
 from ema.units import DERIVATIVE_ORDER, FRF_UNIT, FrfQuantity
 
 _PART_OF_NOISE = 1e-4
-"""Grid of the values over the noise of the FRF that has least of it, at most: rounding adds a few hundred-thousandths of
-their standard deviations to the modes (the grid over the root of 12). The same values in other units differ by the last
-digit, and are rounded the other way where they are as near to the middle between two values of the grid."""
+"""Grid of the values over the noise of the FRF that has least of it, at most: rounding moves modes by a few
+hundred-thousandths of their standard deviations (the grid over the root of 12). The same values in other units differ
+by the last digit, and are rounded the other way where they are as near to the middle between two values of the
+grid."""
 _FINEST = -50
 """Exponent of two of the finest grid, over the largest value: doubles have four binary digits more."""
 _DIGITS = 24
