@@ -14,7 +14,7 @@ Pintelon, Schoukens, Vandersteen and Barbe 2010 (local polynomial method, varian
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import scipy.ndimage
@@ -128,34 +128,41 @@ def width(inputs: int) -> int:
     return ((DEGREE + 1) * (inputs + 1) + DEGREE + SPARE) // 2 * 2 + 1
 
 
-def local_model(blocks: Sequence[Spectra]) -> Local:
-    """FRFs on every line of the spectra of whole records or blocks of one length (no window, lines without 0 Hz).
+def local_model(blocks: Sequence[Spectra], wanted: Bool[np.ndarray, "freq"] | None = None) -> Local:
+    """FRFs on every line, or on the ``wanted`` ones, of the spectra of whole records or blocks of one length (no
+    window, lines without 0 Hz).
 
     A force whose spectrum is zero in a block does not act there: the block says nothing of its FRFs, and its weight for
-    them is zero. In one block at least a force acts.
+    them is zero. In one block at least a force acts. A line has the same estimate whichever others are wanted: those
+    that are solved together, over which noise levels are averaged, do not depend on it.
     """
     count, inputs = blocks[0][0].shape
     span = width(inputs)
     lines = np.arange(count)
     first = np.clip(lines - span // 2, 0, count - span)
     acting = [np.any(u != 0, axis=0) for u, _ in blocks]
-    pieces = []
+    pieces: dict[str, list[np.ndarray]] = {field.name: [] for field in fields(Local)}
     together = max(min(CHUNK // len(blocks), CHUNK // 8), 16)
     for start in range(0, count, together):
         centre = lines[start : start + together]
+        some = np.arange(len(centre)) if wanted is None else np.flatnonzero(wanted[centre])
+        if not some.size:
+            continue
         around = first[centre][:, None] + np.arange(span)
         powers = ((around - centre[:, None]) / (span // 2))[:, :, None] ** np.arange(DEGREE + 1)
         parts = [
             _Part(_regressors(u[around][:, :, which], powers), which, y[around])
             for (u, y), which in zip(blocks, acting, strict=True)
         ]
-        pieces.append(_solved(parts, powers[:, :, 1:]))
-    names = ("values", "variance", "noise", "power", "effective_lines", "correlation")
-    along = ("blocks", "weights")
-    return Local(
-        *(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names),
-        *(np.concatenate([getattr(piece, name) for piece in pieces], axis=1) for name in along),
-    )
+        piece = _solved(parts, powers[:, :, 1:])
+        for name, arrays in pieces.items():
+            arrays.append(np.take(getattr(piece, name), some, axis=_axis(name)))
+    return Local(**{name: np.concatenate(arrays, axis=_axis(name)) for name, arrays in pieces.items()})
+
+
+def _axis(name: str) -> int:
+    """Axis of the lines in a field of ``Local``."""
+    return 1 if name in ("blocks", "weights") else 0
 
 
 def _regressors(

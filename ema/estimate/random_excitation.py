@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy.fft
 import scipy.ndimage
-from jaxtyping import Complex
+from jaxtyping import Bool, Complex, Float
 
 from ema.data import Deviations, Finding, FrfSet, Provenance, Recording, Run
 from ema.errors import InputError
@@ -140,15 +140,18 @@ def shaker(
         # The correlation of the inputs, and whether they can be told apart, is a matter of averages.
         inputs = welch(run, records, cut, progress, drift)
         spectra.frf(inputs)
-        parts = local_frfs(run, records, block, progress)
+        length = _length(run, records, block)
+        frequencies = np.arange(1, length // 2) * first.sampling_rate / length
+        kept, beyond = _excited(frequencies, excited_band(inputs, first.sampling_rate, cut.length), where)
+        parts = local_frfs(run, records, length, kept, progress)
         name = "H1 (local model)"
     else:
         inputs = welch(run, records, cut, progress, drift, parts=MOST)
-        parts = welch_frfs(inputs, estimator, first.sampling_rate, cut.length)
+        frequencies = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
+        kept, beyond = _excited(frequencies, excited_band(inputs, first.sampling_rate, cut.length), where)
+        parts = welch_frfs(inputs, estimator, kept)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
         name = estimator
-    band = excited_band(inputs, first.sampling_rate, cut.length)
-    parts, beyond = _within(parts, band, where)
     findings = (
         *parts.pop("findings", ()),
         *stated_excitation.about_kind(run),
@@ -164,6 +167,7 @@ def shaker(
     options = {"estimator": estimator, "method": method, "block": block, "overlap": overlap}
     return FrfSet(
         **parts,
+        frequencies=frequencies[kept],
         outputs=layout.outputs,
         inputs=layout.inputs,
         quantity=quantity,
@@ -192,14 +196,15 @@ def excited_band(found: Spectra, rate: float, length: int) -> tuple[float, float
     return low * rate / length, high * rate / length
 
 
-def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tuple[dict[str, Any], tuple[Finding, ...]]:
-    """The lines of ``parts`` that were excited, and a finding where others were left out.
+def _excited(
+    frequencies: Float[np.ndarray, "freq"], band: tuple[float, float], where: str
+) -> tuple[Bool[np.ndarray, "freq"], tuple[Finding, ...]]:
+    """Which lines were excited, and a finding where others are left out.
 
     Raises
     ------
     InputError : the forces have no line in common.
     """
-    frequencies = parts["frequencies"]
     kept = (frequencies >= band[0]) & (frequencies <= band[1])
     if not kept.any():
         raise InputError(
@@ -210,12 +215,7 @@ def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tup
             advice="make a run of each shaker",
         )
     if kept.mean() > 0.99:
-        return parts, ()
-    along = ("frequencies", "values", "coherence", "variance", "effective_lines", "output_correlation")
-    cut = {name: parts[name][kept] for name in along if parts.get(name) is not None}
-    deviations = parts.get("deviations")
-    if deviations is not None:
-        cut["deviations"] = replace(deviations, values=deviations.values[:, kept])
+        return np.ones_like(kept), ()
     finding = Finding.of(
         "info",
         "excited-band",
@@ -225,27 +225,34 @@ def _within(parts: dict[str, Any], band: tuple[float, float], where: str) -> tup
         low=f"{max(band[0], frequencies[0]):.4g}",
         high=f"{min(band[1], frequencies[-1]):.4g}",
     )
-    return parts | cut, (finding,)
+    return kept, (finding,)
 
 
-def welch_frfs(found: Spectra, estimator: Estimator, rate: float, length: int) -> dict[str, Any]:
-    """Frequencies, FRFs, multiple coherence, variance and averages of Welch's method, and how its parts differ."""
+def welch_frfs(found: Spectra, estimator: Estimator, kept: Bool[np.ndarray, "freq"]) -> dict[str, Any]:
+    """FRFs, multiple coherence, variance and averages of Welch's method on the ``kept`` lines; how its parts differ."""
     values = spectra.frf(found, estimator)
     multiple = spectra.multiple_coherence(found)
-    changes = spectra_parts.deviations(found) if estimator == "H1" else None
-    return {
-        "frequencies": scipy.fft.rfftfreq(length, 1 / rate),
-        "values": values,
-        "coherence": np.repeat(multiple[:, :, None], values.shape[2], axis=2),
-        "variance": spectra.variance(found, multiple, spectra_parts.pooled_lines(found.averages)),
+    variance = spectra.variance(found, multiple, spectra_parts.pooled_lines(found.averages))
+    frfs = {
+        "values": values[kept],
+        "coherence": np.repeat(multiple[kept, :, None], values.shape[2], axis=2),
+        "variance": None if variance is None else variance[kept],
         "averages": np.full(values.shape[1:], found.averages),
-        "deviations": changes,
-        "output_correlation": None if changes is None else spectra_parts.output_correlation(values, changes),
+    }
+    changes = spectra_parts.deviations(found) if estimator == "H1" else None
+    if changes is None:
+        return frfs
+    return frfs | {
+        "deviations": replace(changes, values=np.asarray(changes.values)[:, kept]),
+        "output_correlation": spectra_parts.output_correlation(values, changes)[kept],
     }
 
 
-def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progress: Progress) -> dict[str, Any]:
-    """Frequencies, FRFs, coherence, variance and averages of the local model, over blocks and records.
+def local_frfs(
+    run: Run, records: Sequence[Recording], length: int, kept: Bool[np.ndarray, "freq"], progress: Progress
+) -> dict[str, Any]:
+    """FRFs, coherence, variance and averages of the local model on the ``kept`` lines, over records and their blocks of
+    ``length`` samples.
 
     All blocks have the denominators in common, as far as they fit into memory together; beyond that their FRFs are
     averaged with the inverse of their variances as weights. The coherence is the part of the response power that forces
@@ -253,17 +260,6 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     """
     first = records[0]
     layout = channels.layout(first, channels.describe(run, first))
-    shortest = min(record.signals.shape[1] for record in records)
-    length = local_block(shortest, len(records)) if block is None else block // 2 * 2
-    least = 2 * (local_model.width(len(layout.references)) + 2)
-    if length < least:
-        raise InputError(
-            "the record is too short for the local model",
-            where=channels.describe(run),
-            got=f"{length} samples",
-            expected=f"at least {least}",
-            advice="measure longer records",
-        )
     weighted: Any = 0.0
     weights: Any = 0.0
     noise: Any = 0.0
@@ -271,7 +267,7 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     effective: list[tuple[int, Any, Any]] = []
     single = SingleBlocks()
     for names, blocks in _together(run, records, length, progress):
-        estimate = local_model.local_model(blocks)
+        estimate = local_model.local_model(blocks, kept)
         for name, values, weight in zip(names, estimate.blocks, estimate.weights, strict=True):
             single.keep(name, values, weight)
         weight = np.where(np.isfinite(estimate.variance), 1 / np.maximum(estimate.variance, 1e-300), 0.0)
@@ -283,7 +279,6 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
     values = weighted / weights
     counts = [count for count, _, _ in effective]
     return {
-        "frequencies": np.arange(1, length // 2) * first.sampling_rate / length,
         "values": values,
         "coherence": np.repeat(coherence[:, :, None], values.shape[2], axis=2),
         "variance": 1 / weights,
@@ -295,6 +290,28 @@ def local_frfs(run: Run, records: Sequence[Recording], block: int | None, progre
             single, [first.channels[row].name for row in layout.responses], channels.describe(run)
         ),
     }
+
+
+def _length(run: Run, records: Sequence[Recording], block: int | None) -> int:
+    """Samples of a block of the local model, as asked for or as the shortest record allows.
+
+    Raises
+    ------
+    InputError : they are too few for the lines around a line.
+    """
+    shortest = min(record.signals.shape[1] for record in records)
+    length = local_block(shortest, len(records)) if block is None else block // 2 * 2
+    references = channels.layout(records[0], channels.describe(run, records[0])).references
+    least = 2 * (local_model.width(len(references)) + 2)
+    if length < least:
+        raise InputError(
+            "the record is too short for the local model",
+            where=channels.describe(run),
+            got=f"{length} samples",
+            expected=f"at least {least}",
+            advice="measure longer records",
+        )
+    return length
 
 
 def _together(

@@ -9,7 +9,7 @@ import scipy.signal
 from ema.data import Channel, Condition, Excitation, Recording, Run
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.estimate import force_at_resonance, shaker, stepped, sweep
+from ema.estimate import force_at_resonance, local_model, random_excitation, shaker, stepped, sweep
 from ema.study.chain import default_band, fitted
 from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, FitTable
@@ -306,6 +306,94 @@ def test_lines_that_the_force_does_not_excite_are_left_out():
     _, modes = fitted(estimates["local"], FitTable())
     assert modes.natural_frequencies == pytest.approx(FREQUENCIES, rel=1e-4)
     assert not said(shaker(run(random_records(rng))), "excited-band")
+
+
+def narrow_forces(rng, count, samples, period=None):
+    """Forces of random noise from 30 to 60 of 256 Hz, or those of a period, again and again."""
+    shape = scipy.signal.butter(8, [30, 60], "band", fs=RATE, output="sos")
+    if period is None:
+        return np.array([scipy.signal.sosfiltfilt(shape, 10 * rng.normal(size=samples)) for _ in range(count)])
+    spectrum = np.fft.rfft(10 * rng.normal(size=(count, period)))
+    frequencies = np.fft.rfftfreq(period, 1 / RATE)
+    spectrum[:, (frequencies < 30) | (frequencies > 60)] = 0
+    return np.tile(np.fft.irfft(spectrum, period), samples // period)
+
+
+ALONG_LINES = ("frequencies", "values", "coherence", "variance", "effective_lines", "output_correlation")
+
+
+@pytest.mark.parametrize(
+    ("inputs", "takes", "options", "period"),
+    [
+        ((0,), 1, {}, None),
+        ((0,), 4, {}, None),
+        ((0, 3), 3, {}, None),
+        ((0, 3), 1, {"block": 2048}, None),
+        ((0,), 2, {"block": 4096}, 1024),
+        ((0, 3), 4, {}, 2048),
+        ((0,), 2, {"method": "welch"}, None),
+        ((0, 3), 2, {"method": "welch"}, None),
+        ((0,), 2, {"method": "welch"}, 1024),
+    ],
+)
+def test_excited_lines_are_estimated_as_if_all_were(monkeypatch, inputs, takes, options, period):
+    """Every digit is that of the estimate on all lines, and so is every finding but that of the band itself."""
+    rng = np.random.default_rng([23, len(inputs), takes, period or 0])
+    records = []
+    for n in range(takes):
+        forces = narrow_forces(rng, len(inputs), 8192 if takes == 1 else 4096, period)
+        noisy = forces + 1e-3 * rng.normal(size=forces.shape)
+        records.append(record(noisy, responses(forces, rng, inputs=inputs), f"take_{n}"))
+    frfs = shaker(run(records), **options)
+    (band,) = said(frfs, "excited-band")
+    assert 20 < frfs.frequencies[0] < frfs.frequencies[-1] < 80
+    monkeypatch.setattr(random_excitation, "excited_band", lambda *_: (0.0, np.inf))
+    everywhere = shaker(run(records), **options)
+    assert everywhere.frequencies[-1] > 250
+    of_all = everywhere.band(*frfs.frequencies[[0, -1]])
+    for name in ALONG_LINES:
+        np.testing.assert_array_equal(getattr(frfs, name), getattr(of_all, name), err_msg=name)
+    if frfs.deviations is None:
+        assert of_all.deviations is None
+    else:
+        np.testing.assert_array_equal(frfs.deviations.values, of_all.deviations.values)
+        np.testing.assert_array_equal(frfs.deviations.blows, of_all.deviations.blows)
+    np.testing.assert_array_equal(frfs.averages, of_all.averages)
+    assert [finding for finding in frfs.findings if finding != band] == list(everywhere.findings)
+
+
+def test_lines_that_are_left_out_are_not_modelled(monkeypatch):
+    """Where a force ends at 60 of 512 Hz they had taken eight ninths of the time."""
+    rng, solved, modelled = np.random.default_rng(24), local_model._solved, []
+
+    def counted(parts, powers):
+        modelled.append(len(powers))
+        return solved(parts, powers)
+
+    monkeypatch.setattr(local_model, "_solved", counted)
+    forces = narrow_forces(rng, 1, 2**15)
+    frfs = shaker(run([record(forces, responses(forces, rng))]))
+    # Lines are modelled 256 together: those at the ends of the band have company.
+    assert len(frfs.frequencies) <= sum(modelled) < len(frfs.frequencies) + 2 * 256
+    assert len(frfs.frequencies) < 2**13 / 4
+
+
+def test_a_channel_that_changed_is_named_by_the_excited_lines(monkeypatch):
+    """What lies beyond them weighs so little that the change is the same to three digits."""
+    rng, changes = np.random.default_rng(25), []
+    records = []
+    for n in range(4):
+        forces = narrow_forces(rng, 1, 4096)
+        answers = responses(forces, rng)
+        answers[2] *= 1.6 if n == 3 else 1.0
+        records.append(record(forces + 1e-3 * rng.normal(size=forces.shape), answers, f"take_{n}"))
+    changes.extend(said(shaker(run(records)), "records-disagree"))
+    monkeypatch.setattr(random_excitation, "excited_band", lambda *_: (0.0, np.inf))
+    changes.extend(said(shaker(run(records)), "records-disagree"))
+    here, everywhere = changes
+    assert "take_3" in here.message and here.where == everywhere.where and "a3" in here.where
+    assert here.value == pytest.approx(1.6, rel=0.01)
+    assert here.value == pytest.approx(everywhere.value, rel=1e-3)
 
 
 def test_drift_and_tones_of_a_force_are_no_band():
