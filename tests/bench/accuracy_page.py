@@ -30,11 +30,15 @@ NOT_CONTAINED = (
     "From a few points or impacts this is known badly. All modes determine the level together, what was seen of each is weighed "
     "with it, and Student's t widens what exceeds the noise. Sweeps keep no deviations. The intervals "
     "of shapes and residues hold the noise over lines alone, as if each FRF had noise of its own.",
+    "Errors that neighbouring lines share are in the intervals: the correlation of the residual over lines is, and what "
+    "windows, averages over lines, appended zeros and the end of the record do is recognised or taken from the FRF set "
+    "([faults](faults.md)).",
     "They do not hold what all FRFs of one test share while each stays clean:",
     "- what changes between two tests: a moved sensor and its mass, temperature, suspension. A resonance that moves by a "
     "hundredth of a half-power width is more than the noise of a good test;\n"
     "- a structure that is not linear: friction depends on the amplitude;\n"
-    "- errors that neighbouring lines share: leakage, windows, smoothing over lines, a short record;\n"
+    "- channels that are late by a few microseconds: their phases are those of complex modes ([faults](faults.md) says "
+    "from when on a delay is named);\n"
     "- assembly: screws tightened anew, the normal force going up and down.",
     "Repeats show them. `ema run` separates noise from the scatter between assemblies and calls a difference significant "
     "from repeats alone ([Repeats](campaign.md#repeats)); without them its words are *noise only; assembly scatter unknown*.",
