@@ -12,11 +12,14 @@ import pytest
 
 from tests.bench.cases import Case, random_system
 from tests.bench.draws import Knowledge, drawn
-from tests.bench.invariance import Change, Said, compared, fitted, plain, sayings, scaled
+from tests.bench.invariance import Change, Said, case, compared, fitted, plain, sayings, scaled
 from tests.bench.stated import Stated, automatic
 
 SYSTEMS = {"a": (1, 6, 8, 2, 0.001, 1), "b": (2, 4, 5, 3, 0.01, 5), "c": (11, 10, 14, 2, 0.01, 1)}
 """Seed, modes, outputs, references, noise, averages."""
+LOOSE = {"d": (2611521, 13)}
+"""Seed and number of a system whose poles outside the band the data hardly determine: the last digit of the FRFs and the
+order of the outputs had moved its modes by 4e-4 of their standard deviations, receptances by one."""
 WAYS = (
     "times 1 + 1e-12",
     "times 1 + 2e-12",
@@ -32,40 +35,34 @@ WAYS = (
     "as receptance",
     "more orders",
 )
-UNEQUAL: dict[tuple[str, str], str] = {
-    ("b", "as receptance"): "values move by 1.0 std, std by 0.1 of themselves, findings dropped-candidate",
-}
-"""What moves, with the figures measured; an entry goes when its comparison holds."""
 
 
 def measured(name: str) -> Case:
+    if name not in SYSTEMS:
+        return case(*LOOSE[name])
     seed, modes, outputs, references, noise, averages = SYSTEMS[name]
-    case = random_system(seed, noise, modes, outputs, references, 401)
+    drawn_system = random_system(seed, noise, modes, outputs, references, 401)
     known = Knowledge("", averages, known=averages > 1)
-    return replace(case, frfs=drawn(case, known, np.random.default_rng([seed, 1])))
+    return replace(drawn_system, frfs=drawn(drawn_system, known, np.random.default_rng([seed, 1])))
 
 
 @pytest.fixture(scope="module")
 def original() -> dict[str, tuple[Case, Stated, dict[str, Said]]]:
     made = {}
-    for name in SYSTEMS:
-        case = measured(name)
-        stated = automatic(case.frfs)
-        made[name] = case, stated, sayings(case.frfs, stated, np.random.default_rng(7))
+    for name in (*SYSTEMS, *LOOSE):
+        system = measured(name)
+        stated = automatic(system.frfs)
+        made[name] = system, stated, sayings(system.frfs, stated, np.random.default_rng(7))
     return made
 
 
 def parameters() -> list:
+    known = {name: SYSTEMS[name][-1] > 1 for name in SYSTEMS} | dict.fromkeys(LOOSE, True)
     return [
-        pytest.param(
-            name,
-            way,
-            id=f"{name}, {way}",
-            marks=[pytest.mark.xfail(strict=True, reason=UNEQUAL[name, way])] if (name, way) in UNEQUAL else [],
-        )
-        for name in SYSTEMS
+        pytest.param(name, way, id=f"{name}, {way}")
+        for name in known
         for way in WAYS
-        if way != "as receptance" or SYSTEMS[name][-1] > 1
+        if way != "as receptance" or known[name]
     ]
 
 
@@ -78,18 +75,18 @@ def test_the_same_measurement_said_in_another_way_has_the_same_modes(original, n
 
 
 def test_no_decision_flips_over_rescaled_runs(original) -> None:
-    case, stated, _ = original["b"]
+    system, stated, _ = original["b"]
     rng = np.random.default_rng(11)
-    runs = [scaled(case.frfs, float(np.exp(rng.uniform(-20, 20)))) for _ in range(6)]
+    runs = [scaled(system.frfs, float(np.exp(rng.uniform(-20, 20)))) for _ in range(6)]
     changes = [compared(stated, fitted(run), run) for run in runs]
     assert not any(change.flipped or change.findings for change in changes), changes
 
 
 def test_a_change_of_the_data_is_seen() -> None:
     """The comparison itself: noise drawn anew moves values by their standard deviations, not by a millionth of them."""
-    case = measured("b")
-    first = automatic(case.frfs)
-    again = replace(case.frfs, values=case.clean + np.conj(case.frfs.values - case.clean))
+    system = measured("b")
+    first = automatic(system.frfs)
+    again = replace(system.frfs, values=system.clean + np.conj(system.frfs.values - system.clean))
     change: Change = compared(first, automatic(again), plain(again))
     assert not change.within
     assert change.flipped or change.value > 0.1
