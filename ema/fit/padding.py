@@ -26,6 +26,9 @@ hundredth of the noise. In FRFs of padded records it was 1e3 and more, in others
 _STEADY = np.log(4.0)
 """Change of the power before the silence, over as many lines as it falls within, up to which it is noise that ends
 there: a vibration that fades does so at one rate."""
+_QUIETER = np.log(10.0)
+"""Power of noise that is independent from line to line, by third differences, over that of what is silent. Independent
+noise has 1; zeros that make lines 1.25 to 8 times as dense leave 1e6 and more."""
 _LEAST = 1.2
 """Density of lines from which on they are sampled anew. Below, errors of lines count for too many by a fifth at most
 (intervals by a tenth), and the sinc function would need a good part of the band."""
@@ -70,10 +73,14 @@ def density(frfs: FrfSet) -> Density | None:
     rows = rows[np.all(np.isfinite(rows), axis=1) & np.any(rows != 0, axis=1)]
     if not len(rows):
         return None
-    silence = _silence(_level(rows))
+    level = _level(rows)
+    silence = _silence(level)
     if silence is None:
         return None
     first, length = silence
+    # A vibration that ends on the way, as in FRFs of reversed phase, leaves the noise of the lines behind it.
+    if np.median(np.roll(level, -first)[:length]) > _noise_of_lines(rows) - _QUIETER:
+        return None
     factor = count / (count - length)
     if frfs.record_length is not None:
         factor = 1 / (frfs.record_length * frfs.frequency_step)
@@ -86,6 +93,14 @@ def _level(rows: Complex[np.ndarray, "row line"]) -> Float[np.ndarray, "time"]:
     """Mean of the logarithm of the power of FRFs over the period of their lines."""
     power = np.abs(np.fft.ifft(rows * scipy.signal.windows.hann(rows.shape[1], sym=False), axis=1)) ** 2
     return np.asarray(np.mean(np.log(np.maximum(power, np.finfo(float).tiny)), axis=0))
+
+
+def _noise_of_lines(rows: Complex[np.ndarray, "row line"]) -> float:
+    """Level (`_level`) of noise that is independent from line to line, of the size that third differences show."""
+    taper = scipy.signal.windows.hann(rows.shape[1], sym=False)
+    # The variance of third differences is 20 times that of the noise; the median of an exponential distribution, log 2.
+    power = np.median(np.abs(np.diff(rows, 3, axis=1)) ** 2, axis=1) / (20 * np.log(2))
+    return float(np.mean(np.log(np.maximum(power * np.sum(taper**2) / taper.size**2, np.finfo(float).tiny))))
 
 
 def _silence(level: Float[np.ndarray, "time"]) -> tuple[int, int] | None:

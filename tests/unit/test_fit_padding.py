@@ -100,7 +100,7 @@ def test_lines_between_are_those_of_the_record() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_what_is_not_padded_is_left(seed: int) -> None:
-    """Noise on all lines; resonances that beat, fade early, or have no noise; a record cut off in full vibration."""
+    """Noise on all lines; resonances that beat, fade early, or have no noise."""
     rng = np.random.default_rng(9300 + seed)
     assert padding.density(case_small(seed=9300 + seed).frfs) is None
     count = 401
@@ -111,5 +111,7 @@ def test_what_is_not_padded_is_left(seed: int) -> None:
             poles = -decay + 1j * (middle + 2 * np.pi * rng.uniform(1, 15) * np.array([-1, 1]))
             values = np.sum(1 / (s - poles), axis=1)
             values = values + noise * np.abs(values).max() * (rng.standard_normal((count, 2)) @ [1, 1j])
-            frfs = FrfSet(np.arange(count) + 1.0, values[:, None, None], DOFS[:1], DOFS[:1], "receptance", "m/N")
-            assert padding.density(frfs) is None
+            # With the phase reversed, a vibration grows until the period ends, and leaves the noise.
+            for own in (values, values.conj()) if noise >= 1e-3 else (values,):
+                frfs = FrfSet(np.arange(count) + 1.0, own[:, None, None], DOFS[:1], DOFS[:1], "receptance", "m/N")
+                assert padding.density(frfs) is None
