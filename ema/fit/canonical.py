@@ -63,10 +63,7 @@ def canonical(frfs: FrfSet) -> tuple[FrfSet, float]:
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """Linear algebra with one thread, within which the order of sums does not depend on the machine.
-
-    The matrices of a fit are small: with two threads it takes as long.
-    """
+    """Linear algebra with one thread, within which the order of sums does not depend on the number of processors."""
     limits: AbstractContextManager[object] = threadpoolctl.threadpool_limits(1, user_api="blas")
     return limits
 
@@ -114,16 +111,22 @@ def model_in_order(model: ModalModel, frfs: FrfSet) -> ModalModel:
 
 def _sorted(frfs: FrfSet) -> FrfSet:
     """The set in the order of its DOFs."""
-    rows, columns = (
-        sorted(range(len(dofs)), key=[(one.part, one.node, one.direction) for one in dofs].__getitem__)
-        for dofs in (frfs.outputs, frfs.inputs)
-    )
+    rows, columns = _sorting(frfs.outputs), _sorting(frfs.inputs)
     return frfs if rows == sorted(rows) and columns == sorted(columns) else frfs.pick(rows, columns)
 
 
+def _sorting(dofs: Sequence[Dof]) -> list[int]:
+    """Places of DOFs in their order; as they are where one is there twice, for nothing tells its places apart then."""
+    places = list(range(len(dofs)))
+    if len(set(dofs)) < len(dofs):
+        return places
+    return sorted(places, key=lambda place: (dofs[place].part, dofs[place].node, dofs[place].direction))
+
+
 def _places(dofs: Sequence[Dof], given: Sequence[Dof]) -> list[int]:
-    """Places of DOFs in the order in which they are given."""
-    return sorted(range(len(dofs)), key=lambda place: given.index(dofs[place]))
+    """Places of DOFs, some of those ``given``, in the order in which they are given (`_sorting`)."""
+    places = list(range(len(dofs)))
+    return places if len(set(given)) < len(given) else sorted(places, key=lambda place: given.index(dofs[place]))
 
 
 def _grid(values: np.ndarray, frfs: FrfSet, scale: float) -> float:

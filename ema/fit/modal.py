@@ -221,7 +221,7 @@ class Estimate:
                 self.band.name or "fit",
                 "The frequency lines are {factor} times as dense as the records resolve, as zeros appended to them "
                 "make them: errors of neighbouring lines are not independent. Lines {spacing} Hz apart were fitted, "
-                "which hold all that was measured.",
+                "which hold what was measured.",
                 self.dense.factor,
                 advice="Nothing has to be done; FRFs without appended zeros are fitted faster.",
                 factor=f"{self.dense.factor:.2g}",
@@ -319,18 +319,18 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
     band, scale = canonical((frfs if dense is None else padding.resolved(frfs, dense)).band(*poles.band))
     if band.in_file:
         return _of_file(frfs, band, poles, progress)
-    table, compared = table_in_order(poles, band), None
-    parts = set_ups.split(band)
-    if parts:
-        try:
-            fits = [_part(part, band) for part in parts]
-        except InputError:  # as where all sensors of a set-up were dead: nothing to compare
-            fits = []
-        compared = set_ups.compare(fits) if fits else None
-        if compared is not None and compared.differ:
-            band = set_ups.aligned(band, fits, compared)
-            table = stabilise(band, np.unique(poles.order).tolist())
     with one_thread():
+        table, compared = table_in_order(poles, band), None
+        parts = set_ups.split(band)
+        if parts:
+            try:
+                fits = [_part(part, band) for part in parts]
+            except InputError:  # as where all sensors of a set-up were dead: nothing to compare
+                fits = []
+            compared = set_ups.compare(fits) if fits else None
+            if compared is not None and compared.differ:
+                band = set_ups.aligned(band, fits, compared)
+                table = stabilise(band, np.unique(poles.order).tolist())
         found = _fitted(band, table, progress)
     return replace(found, frfs=frfs, table=poles, compared=compared, dense=dense, scale=scale)
 

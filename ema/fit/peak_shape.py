@@ -31,6 +31,7 @@ from ema.fit.estimator import Fit, Observations
 from ema.fit.refinement import Refined
 from ema.fit.uncertainty import PoleErrors
 from ema.messages import mark
+from ema.shapes import mac
 
 REACH = 20.0
 """Half bandwidths on either side of a mode within which its residual is looked at: the flank of the widest function."""
@@ -144,13 +145,12 @@ def _of_parts(
     fit: Fit, mode: int, accepted: Bool[np.ndarray, "pole"], s: Complex[np.ndarray, "line"]
 ) -> Complex[np.ndarray, "out in line"]:
     """What poles that are no modes give to the peak of a mode: those near it that have its shape."""
-    residues = fit.shapes[:, 0, None, :] * fit.participation[None, :, :]
-    own = residues[..., mode]
-    alike = np.abs(np.einsum("oi,oip->p", own.conj(), residues)) ** 2 >= SAME_SHAPE * (
-        np.sum(np.abs(own) ** 2) * np.sum(np.abs(residues) ** 2, axis=(0, 1))
-    )
+    residues = fit.shapes[:, 0, None, :] * fit.participation
+    outputs, inputs, poles = residues.shape
+    as_shapes = residues.reshape(outputs * inputs, poles)
+    alike = mac(as_shapes[:, [mode]], as_shapes)[0] >= SAME_SHAPE
     near = np.abs(fit.poles - fit.poles[mode]) < REACH * -fit.poles[mode].real
-    parts = np.flatnonzero(alike & near & ~accepted & accepted[mode] & (own.size >= FEWEST_FRFS))
+    parts = np.flatnonzero(alike & near & ~accepted & accepted[mode] & (len(as_shapes) >= FEWEST_FRFS))
     return np.asarray(np.einsum("oip,pf->oif", residues[..., parts], 1 / (s - fit.poles[parts, None])))
 
 

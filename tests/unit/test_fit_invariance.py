@@ -1,5 +1,7 @@
 """The form in which FRFs are fitted, and the way back (`tests/validation/test_invariance_of_estimates.py`)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,18 @@ def test_modes_are_on_the_degrees_of_freedom_of_the_set_in_its_order() -> None:
     np.testing.assert_allclose(b.residues, a.residues[:, rows][:, :, columns], rtol=1e-6)
     np.testing.assert_allclose(b.shapes, a.shapes[:, rows], rtol=1e-6, atol=1e-9 * np.abs(a.shapes).max())
     np.testing.assert_allclose(b.participation, a.participation[:, columns], rtol=1e-6)
+
+
+def test_degrees_of_freedom_that_are_there_twice_stay_where_they_are() -> None:
+    """Nothing but its place tells such an output from the other."""
+    frfs = invariance.case(2611521, 6).frfs
+    twice = replace(frfs, outputs=(frfs.outputs[1], frfs.outputs[0], frfs.outputs[1]))
+    model, own = modes(twice, stabilise(twice)), modes(frfs, stabilise(frfs))
+    assert model.dofs == twice.outputs
+    np.testing.assert_allclose(model.natural_frequencies, own.natural_frequencies, rtol=1e-6)
+    turn = np.sum(model.shapes.conj() * own.shapes, axis=0)
+    apart = np.abs(turn) / np.linalg.norm(model.shapes, axis=0) / np.linalg.norm(own.shapes, axis=0)
+    assert apart.min() > 0.999
 
 
 def test_rounding_is_a_small_part_of_the_noise() -> None:
