@@ -91,20 +91,40 @@ def _exchanged(measured: Mapping[str, Mapping[str, float]], nominal: Nominal) ->
         levels = nominal[stated]
         return np.array([np.log(force / levels[joint]) for joint, force in measured[name].items()])
 
+    own = {name: off(name, name) for name in measured}
     used: set[str] = set()
-    for one, other in combinations(measured, 2):
+    for one, other in combinations(_off_their_level(own), 2):
         if {one, other} & used or measured[one].keys() != measured[other].keys():
             continue
-        rest = [off(name, name) for name in measured if name not in (one, other)]
+        rest = [values for name, values in own.items() if name not in (one, other)]
         values = np.concatenate(rest) if rest else np.zeros(0)
         usual = float(np.median(values)) if len(values) > 2 else 0.0
         spread = 1.4826 * float(np.median(np.abs(values - usual))) if len(values) > 2 else _USUAL_SCATTER
         limit = FITS * max(spread, _LEAST_SCATTER)
-        own = [np.abs(off(name, name) - usual) for name in (one, other)]
         crossed = [np.abs(off(*pair) - usual) for pair in ((one, other), (other, one))]
-        if all(np.all(each > limit) for each in own) and all(np.all(each < limit) for each in crossed):
+        if all(np.all(np.abs(own[name] - usual) > limit) for name in (one, other)) and all(
+            np.all(each < limit) for each in crossed
+        ):
             used |= {one, other}
             yield one, other
+
+
+def _off_their_level(own: Mapping[str, np.ndarray]) -> list[str]:
+    """Runs that can be off their nominal forces whichever two are left out: the others need no look at all pairs.
+
+    Leaving out ``out`` values moves a median by ``out / 2`` ranks at most, and that of distances by as many and by what
+    the centre moves.
+    """
+    values = np.sort(np.concatenate([np.zeros(0), *own.values()]))
+    out = 2 * max(map(len, own.values()), default=0)
+    if len(values) - out <= 2:
+        return list(own)
+    first, last = (len(values) - 1 - out) // 2, -(-(len(values) - 1 + out) // 2)
+    low, high = values[max(first, 0)], values[min(last, len(values) - 1)]
+    distances = np.sort(np.abs(values - (low + high) / 2))
+    spread = 1.4826 * (distances[max(first, 0)] - (high - low) / 2)
+    limit = FITS * max(spread, _LEAST_SCATTER)
+    return [name for name, off in own.items() if np.all(np.maximum(np.abs(off - low), np.abs(off - high)) > limit)]
 
 
 def _exchange(one: str, other: str, measured: Mapping[str, Mapping[str, float]], nominal: Nominal) -> Finding:

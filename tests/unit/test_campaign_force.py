@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -409,6 +410,54 @@ def test_exchanged_files_are_named_once(tmp_path: Path) -> None:
     assert "run 1" in campaign.findings[0].message and "run 3" in campaign.findings[0].message
     measured[3] = 300.0
     assert "normal-force-exchanged" not in every(levels(tmp_path, nominal, measured))
+
+
+def exchanged_by_every_pair(measured: dict[str, dict[str, float]], nominal: dict[str, dict[str, float]]) -> list[str]:
+    """Every pair of runs, judged by the median and its scatter over all other runs."""
+    found: list[str] = []
+    for one, other in combinations(measured, 2):
+        rest = [
+            np.log(force / nominal[name][joint])
+            for name, forces in measured.items()
+            for joint, force in forces.items()
+            if name not in (one, other)
+        ]
+        usual = np.median(rest) if len(rest) > 2 else 0.0
+        limit = 4 * max(1.4826 * np.median(np.abs(np.array(rest) - usual)) if len(rest) > 2 else 0.1, 0.02)
+        offs = {
+            (name, stated): [abs(np.log(force / nominal[stated][j]) - usual) for j, force in measured[name].items()]
+            for name in (one, other)
+            for stated in (one, other)
+        }
+        fits = [max(offs[pair]) < limit for pair in ((one, other), (other, one))]
+        if {one, other}.isdisjoint(found) and all(fits) and min(offs[one, one] + offs[other, other]) > limit:
+            found += [one, other]
+    return found
+
+
+def test_exchanged_files_are_found_as_by_looking_at_every_pair() -> None:
+    rng, number = np.random.default_rng(7300036), 0
+    for _ in range(300):
+        count, joints = int(rng.integers(2, 14)), [f"J{j}" for j in range(rng.integers(1, 4))]
+        levels = rng.choice(np.geomspace(50, 3000, 8), count)
+        nominal = {f"r{run}": dict.fromkeys(joints, float(level)) for run, level in enumerate(levels)}
+        scatter, order = np.exp(rng.uniform(np.log(0.002), np.log(0.5))), np.arange(count)
+        for _ in range(rng.integers(0, 3)):
+            a, b = rng.integers(0, count, 2)
+            order[[a, b]] = order[[b, a]]
+        measured = {
+            f"r{run}": {joint: float(levels[order[run]] * np.exp(scatter * rng.standard_normal())) for joint in joints}
+            for run in range(count)
+        }
+        runs = [
+            Run(name, Condition(joints=tuple(JointForce(joint, force) for joint, force in forces.items())))
+            for name, forces in measured.items()
+        ]
+        findings = [one for one in against_nominal_levels(runs, nominal)[1] if one.code == "normal-force-exchanged"]
+        named = sorted(name for one in findings for name in one.where.removeprefix("runs ").split(", "))
+        assert named == sorted(exchanged_by_every_pair(measured, nominal))
+        number += len(named)
+    assert number > 100
 
 
 def stated_forces(path: Path, forces: "list[float]", torque: str = "") -> Campaign:
