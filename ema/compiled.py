@@ -3,6 +3,10 @@
 Numba compares the source file of a compiled function with the one it was compiled from, and not those of the functions
 called in it. Here every compiled function belongs to the texts of all compiled modules. Nothing is read or written
 before a function is called for the first time.
+
+A compiled function carries copies of those that it calls, in each of which the compiler may have put sums in another
+order, and the linker takes the first one that the process has. So each function is linked by itself, from what is kept,
+also in the process that has just compiled it: results do not depend on who compiled, nor on what was called before.
 """
 
 import hashlib
@@ -15,7 +19,9 @@ from typing import Any
 from uuid import uuid4
 
 import numba as nb
+from numba.core import sigutils
 from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCPUCodegen
 from numba.core.serialize import dumps
 
 from ema.fingerprint import compiled_modules, of_compiled
@@ -52,7 +58,7 @@ def compiled(**options: Any) -> Callable[..., Any]:
             raise ImportError(f"compiled functions belong in modules named *_kernels.py of this package, not in {path}")
         dispatcher = nb.njit(**options)(function)
         if path in _MODULES:  # elsewhere, as in an archive, no text says when a kept function is of no use any more
-            dispatcher._cache = _Kept(function)
+            dispatcher._cache = _Kept(function, dispatcher._compiler)
         return dispatcher
 
     return decorate
@@ -63,14 +69,14 @@ kernel: Callable[..., Any] = compiled(**_PLAIN)
 
 
 class _Kept(FunctionCache):
-    """Numba's compiled functions on disk, opened when first used: one file for every signature.
+    """Numba's compiled functions on disk, opened or compiled when first used: one file for every signature.
 
     A file begins with the hash of what it belongs to and of its content. One of other sources, a damaged one, and one
     that another process replaced meanwhile are compiled again, and no index has to agree with them.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._py_func, self._name = function, repr(function)
+    def __init__(self, function: Callable[..., Any], compiler: Any) -> None:
+        self._py_func, self._name, self._compiler = function, repr(function), compiler
         self.enable()
 
     @cached_property
@@ -90,21 +96,30 @@ class _Kept(FunctionCache):
         return Path(str(self.cache_path), f"{self._impl.filename_base}-{name}.nbc")
 
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        """A compiled function as it is kept, compiled before that if need be."""
         if self._impl is None:
             return None
         key = self._index_key(sig, target_context.codegen())
+        content = self._read(key)
+        if content is None:
+            made = self._compiler.compile(*sigutils.normalize_signature(sig))
+            if not self._impl.check_cachable(made):
+                return made
+            content = dumps(self._impl.reduce(made))
+            self._write(key, content)
+        alone = target_context.subtarget(_internal_codegen=JITCPUCodegen(self._py_func.__qualname__))
+        return self._impl.rebuild(alone, pickle.loads(content))
+
+    def _read(self, key: Any) -> bytes | None:
         try:
             whole = self._path(key).read_bytes()
         except OSError:
             return None
         head, content = whole[:_HEAD], whole[_HEAD:]
-        return self._impl.rebuild(target_context, pickle.loads(content)) if head == _hash(key, content) else None
+        return content if head == _hash(key, content) else None
 
-    def _save_overload(self, sig: Any, data: Any) -> None:
-        if self._impl is None or not self._impl.check_cachable(data):
-            return
-        key = self._index_key(sig, data.codegen)
-        path, content = self._path(key), dumps(self._impl.reduce(data))
+    def _write(self, key: Any, content: bytes) -> None:
+        path = self._path(key)
         new = path.with_suffix(f".{uuid4().hex}")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -113,6 +128,9 @@ class _Kept(FunctionCache):
         except OSError:  # a full disk: what cannot be kept is compiled again next time
             with suppress(OSError):
                 new.unlink(missing_ok=True)
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        """Nothing to do: what was compiled is kept before it is used."""
 
     def flush(self) -> None:
         """Nothing to do: what is kept belongs to the sources."""
