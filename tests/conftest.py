@@ -76,9 +76,9 @@ def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures of reports and commands are made and not rendered, for tests that read words and numbers."""
-    from tests.unit.report_page import BLANK
+    from tests.unit.report_page import BLANK, blank
 
-    monkeypatch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))
+    monkeypatch.setattr("ema.report.pictures.drawn", blank)
     monkeypatch.setattr("ema.report.pictures.as_svg", lambda figure: b"<svg/>")
     monkeypatch.setattr("ema.report.pictures.as_png", lambda figure: BLANK.content)
 

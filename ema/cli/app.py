@@ -173,7 +173,7 @@ def _done(
         if others:
             from ema.report import write
 
-            write(result, study.report, others, study.recipe.language)
+            write(result, study.report, others, study.recipe.language, executor=executor)
     if json:
         screen.as_json(summary(result) | {"report": str(study.report), "result": str(study.result)})
     else:

@@ -43,7 +43,7 @@ def logo(campaign: Campaign) -> Block | None:
     if not campaign.logo:
         return None
     image = _image(Path(campaign.folder), campaign.logo, _LOGO)
-    return image if isinstance(image, Text) else Picture(None, image, text("Logo"), "", 20, png=image)
+    return image if isinstance(image, Text) else Picture(None, image, text("Logo"), "", 20)
 
 
 def _image(folder: Path, name: str, what: _Refusals) -> Image | Text:
@@ -67,4 +67,4 @@ def _photo(folder: Path, name: str) -> Block:
     if isinstance(image, Text):
         return image
     alt = text("Photograph of the test: {name}", name=Path(name).name)
-    return Picture(None, image, alt, Path(name).stem.replace("_", " "), 60, png=image)
+    return Picture(None, image, alt, Path(name).stem.replace("_", " "), 60)

@@ -1,6 +1,7 @@
 """Figures as images."""
 
 from base64 import b64encode
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
@@ -27,6 +28,29 @@ class Image:
     def uri(self) -> str:
         """The image inside a page."""
         return f"data:{self.mime};base64,{b64encode(self.content).decode('ascii')}"
+
+
+class Drawing:
+    """A figure on its way to an image: drawn here at once, or by an executor while others are made."""
+
+    def __init__(self, figure: Figure, png: bool, executor: Executor | None) -> None:
+        self._figure: Figure | None = figure
+        self._png = png
+        self._task = None if executor is None else executor.submit(drawn, figure, png)
+        self._images: tuple[Image, Image | None] | None = None
+        if self._task is None:
+            self.images()
+
+    def images(self) -> tuple[Image, Image | None]:
+        """As of `drawn`, waited for if need be; drawn here where the worker did not survive it."""
+        if self._images is None:
+            assert self._figure is not None
+            try:
+                self._images = drawn(self._figure, self._png) if self._task is None else self._task.result()
+            except Exception:  # a worker that died, or has no room: whatever is wrong with the figure shows here too
+                self._images = drawn(self._figure, self._png)
+            self._figure = self._task = None
+        return self._images
 
 
 def drawn(figure: Figure, png: bool = False) -> tuple[Image, Image | None]:

@@ -1,6 +1,7 @@
 """A study, placement, comparison or simulation as a report in one format or several, its tables as CSV beside it."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,14 @@ from ema.report.files import as_csv, write_bytes
 from ema.report.formats import FORMATS, checked_formats
 
 
-def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: str = "") -> Path:
+def write(
+    result: Any,
+    path: str | Path,
+    formats: Sequence[str] = (),
+    language: str = "",
+    *,
+    executor: Executor | None = None,
+) -> Path:
     """Write the report of a study, a placement, or results of comparisons and simulations.
 
     All formats are made of the same sentences, tables and figures. The tables go to ``<report>_tables`` beside it, one
@@ -30,6 +38,8 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: 
     language : str, optional
         Code of the language of all words, such as ``de``; by default that of the study, and English
         for other results. Verdicts, reasons and sentences of findings that have no translation stay English.
+    executor : Executor, optional
+        Where figures are drawn; by default in this process.
 
     Returns
     -------
@@ -60,7 +70,7 @@ def write(result: Any, path: str | Path, formats: Sequence[str] = (), language: 
     for each in (path, *paths):
         if each.is_dir():
             raise FailureError("the report cannot be written: a folder has its name", where=str(each))
-    book = Book(png="docx" in wanted)
+    book = Book(png="docx" in wanted, executor=executor)
     tables = base.with_name(f"{base.name}_tables")
     with speaking(language or getattr(result, "language", SOURCE)):
         document = document_of(result, book)

@@ -242,7 +242,9 @@ class Study:
                 mode for one in finished for mode in self._ring_downs(one, campaign, data[one.run.id], progress, resume)
             )
             beside = self._friction(campaign, finished, progress, resume, executor)
-            return self._conclude(campaign, tuple(finished), (maps, stepped), beside, inputs, progress)
+            result = self._conclude(campaign, tuple(finished), (maps, stepped), beside, inputs)
+            self._write(result, progress, executor)
+            return result
 
     def is_current(
         self, result: StudyResult, campaign: Campaign, progress: Progress = silent, *, picked: bool = False
@@ -507,10 +509,9 @@ class Study:
         over_levels: tuple[tuple[MapResult, ...], tuple[AmplitudeDependentMode, ...]],
         beside: tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None],
         inputs: tuple[tuple[str, str], ...],
-        progress: Progress,
     ) -> StudyResult:
-        """Expectations, result file and report."""
-        from ema import compare, report
+        """Findings, statements and expectations about all of it."""
+        from ema import compare
 
         conditions, differences = compare.conditions(runs)
         findings = self.recipe.former_names + campaign.findings + compare.repeat_findings([one.run for one in runs])
@@ -528,7 +529,7 @@ class Study:
         judged = statements.judge(self.recipe.statements, maps, runs, self.recipe.assumed, campaign=campaign)
         if self.recipe.logo:
             campaign = replace(campaign, logo=str((self.source.parent / self.recipe.logo).resolve()))
-        result = StudyResult(
+        return StudyResult(
             campaign=campaign,
             runs=runs,
             findings=findings,
@@ -551,12 +552,16 @@ class Study:
             amplitude_modes=stepped,
             language=self.recipe.language,
         )
+
+    def _write(self, result: StudyResult, progress: Progress, executor: Executor | None) -> None:
+        """Result file and report."""
+        from ema import report
+
         advance(progress, "saving the result", 0, 2)
         store.save(self.result, light(result))
         advance(progress, "writing the report", 1, 2)
-        report.write(result, self.report)
+        report.write(result, self.report, executor=executor)
         advance(progress, "writing the report", 2, 2)
-        return result
 
     def _made(self, campaign: Campaign, data: tuple[tuple[str, str], ...]) -> Provenance:
         """From what, with what and how: equal provenance means an equal result."""

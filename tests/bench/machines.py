@@ -1,8 +1,8 @@
 """Two workers against one: ``python -m tests.bench.machines --folder SCRATCH``.
 
 A campaign of 40 random tests, a map of 60 conditions and hosts of the blind bench are computed on a Dask cluster of one
-worker process and on one of two, each with one thread, and have to give the same numbers. Wall clock runs from the first
-task to the last result, without the start of the workers and without a report; other work on the machine disturbs it, so
+worker process and on one of two, each with one thread, and have to give the same numbers. Wall clock runs from the opening of the
+campaign to its report, without the start of the workers and what they import; other work on the machine disturbs it, so
 that the processor time of each worker stands beside it. ``--publish`` stores the figures for docs/large.md.
 """
 
@@ -62,6 +62,15 @@ def of_blind(hosts: int, executor: Executor, output: Path) -> list[Any]:
     return [{key: value for key, value in answer.items() if not key.startswith("cpu")} for answer in answers]
 
 
+def imported() -> None:
+    """Load the packages that compute, as workers that have computed before have."""
+    import ema.compare
+    import ema.estimate
+    import ema.fit
+    import ema.place
+    import ema.study.remote  # noqa: F401
+
+
 def computed(count: int, work: Callable[[Executor, Path], list[Any]], output: Path) -> tuple[list[Any], dict[str, Any]]:
     """What a cluster of so many workers gives, wall clock and the processor time of each worker in seconds."""
     from distributed import LocalCluster, get_client
@@ -75,6 +84,7 @@ def computed(count: int, work: Callable[[Executor, Path], list[Any]], output: Pa
     ):
         assert executor is not None
         client = get_client()
+        client.run(imported)
         before, wall = client.run(time.process_time), time.perf_counter()
         found = work(executor, output)
         wall, after = time.perf_counter() - wall, client.run(time.process_time)

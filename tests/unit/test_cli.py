@@ -16,8 +16,8 @@ from ema.cli.ending import ends_well
 from ema.errors import CancelledError, FailureError, InputError
 
 UNDRAWN = """
-from ema.report import blocks, pictures
-blocks.drawn = lambda figure, png: (pictures.Image(b"", "image/png"), None)
+from ema.report import pictures
+pictures.drawn = lambda figure, png: (pictures.Image(b"", "image/png"), None)
 """
 """Reports without pictures, for tests that read words: drawing takes most of the time of the small study."""
 UNFITTED = "from ema.cli import checking\nchecking.QUICK = 0\n"

@@ -30,7 +30,7 @@ from ema.report.modes import _in_words
 from ema.study import recipe
 from ema.study.recipe import Quantity
 from tests.unit.report_corpus import results
-from tests.unit.report_page import BLANK, Page
+from tests.unit.report_page import Page, blank
 
 OTHERS = [name for name in languages() if name != "en"]
 FUNCTIONS = {"text": 1, "mark": 1, "plural": 2}
@@ -248,7 +248,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Page]
     """Reports that between them show every part, by language and name."""
     folder, made = tmp_path_factory.mktemp("languages"), results()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))
+        patch.setattr("ema.report.pictures.drawn", blank)
         return {
             name: {
                 kind: Page(ema.report.write(result, folder / name / f"{kind}.html", language=name))

@@ -8,9 +8,13 @@ import html
 import io
 import json
 import os
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.resources import files
+from multiprocessing import get_context
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -450,3 +454,37 @@ def test_blows_give_the_level_where_none_is_stated(tmp_path: Path):
     unstated = replace(run, run=replace(run.run, condition=Condition(Excitation("hammer"))))
     page = Page(ema.report.write(study((unstated,), None), tmp_path / "r.html"))
     assert {"What": "Peak of the impacts [N]", "Value": "median 801, 800 to 803"} in page.table("What", "Value")
+
+
+class _Deferred(Executor):
+    """Draws what was submitted when somebody waits for it; ``die`` as a worker that was killed."""
+
+    def __init__(self, die: bool = False) -> None:
+        self.die, self.waiting, self.most = die, 0, 0
+
+    def submit(self, function: Callable, /, *args: object, **named: object) -> Future:
+        executor = self
+        self.waiting += 1
+        self.most = max(self.most, self.waiting)
+
+        class Late(Future):
+            def result(self, timeout: float | None = None) -> object:
+                executor.waiting -= 1
+                if executor.die:
+                    raise BrokenProcessPool("a process in the process pool was terminated abruptly")
+                return function(*args, **named)
+
+        return Late()
+
+
+def test_figures_drawn_by_other_processes_are_the_same(two_runs: StudyResult, page: Page, tmp_path: Path):
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=pool)
+    assert path.read_bytes() == page.path.read_bytes()
+
+
+def test_a_report_holds_few_figures_at_once_and_survives_their_workers(two_runs: StudyResult, page: Page, tmp_path):
+    for die in (False, True):
+        path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=(executor := _Deferred(die)))
+        assert path.read_bytes() == page.path.read_bytes()
+        assert (executor.waiting, executor.most) == (0, 9)

@@ -20,7 +20,7 @@ from ema.report.placement import answer as placement_answer
 from ema.show.placement import seen_edges
 from tests.unit.friction_nouns import decay, loop, placement
 from tests.unit.report_corpus import EVIL, JOINTS, plate, run_result, study
-from tests.unit.report_page import BLANK, Page
+from tests.unit.report_page import BLANK, Page, blank
 
 
 def rows(folder: Path, name: str) -> list[dict[str, str]]:
@@ -44,7 +44,7 @@ def result() -> StudyResult:
 @pytest.fixture(scope="module")
 def page(result: StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Page:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ema.report.blocks.drawn", lambda figure, png: (BLANK, BLANK if png else None))
+        patch.setattr("ema.report.pictures.drawn", blank)
         return Page(ema.report.write(result, tmp_path_factory.mktemp("friction") / "r.html"))
 
 
