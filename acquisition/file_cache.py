@@ -3,14 +3,18 @@
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from acquisition.contents import Contents
 from acquisition.units import Unit
 from ema import store
 from ema.data import Finding, Recording
-from ema.store.reading import containers, record_of
+from ema.data.stored_signals import StoredSignals
+from ema.store.reading import Header, containers, record_of
+
+T = TypeVar("T")
 
 _KEPT = 256 * 2**20
 """Bytes of read files that stay in memory, so that opening and then using a campaign reads them once."""
@@ -34,8 +38,24 @@ class Files:
 
     def __init__(self, kept: int = _KEPT) -> None:
         self._budget, self._size = kept, 0
-        self._contents: OrderedDict[tuple[Path, str], Contents] = OrderedDict()
+        self._kept: OrderedDict[tuple[Path, Any], tuple[Any, int]] = OrderedDict()
         self._stored: dict[Path, bool] = {}
+        self._headers: dict[Path, tuple[Header, ...]] = {}
+
+    def _once(self, key: tuple[Path, Any], read: Callable[[], T], size: Callable[[T], int]) -> T:
+        """What ``read`` gives, kept as long as all that is kept fits; what was used longest ago goes first."""
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            value: T = self._kept[key][0]
+            return value
+        value = read()
+        needed = size(value)
+        if needed <= self._budget:
+            self._kept[key] = value, needed
+            self._size += needed
+            while self._size > self._budget:
+                self._size -= self._kept.popitem(last=False)[1][1]
+        return value
 
     def contents(self, path: Path, options: dict[str, Any]) -> Contents:
         """Everything in the file.
@@ -44,24 +64,33 @@ class Files:
         ------
         InputError : it cannot be read.
         """
-        key = (path, repr(sorted(options.items())))
-        if key in self._contents:
-            self._contents.move_to_end(key)
-            return self._contents[key]
-        contents = _read(path, options)
-        if _size(contents) <= self._budget:
-            self._contents[key] = contents
-            self._size += _size(contents)
-            while self._size > self._budget:
-                _, dropped = self._contents.popitem(last=False)
-                self._size -= _size(dropped)
-        return contents
+        return self._once((path, repr(sorted(options.items()))), partial(_read, path, options), _size)
 
     def _is_stored(self, path: Path) -> bool:
         """Whether it is a file of ours; found out once."""
         if path not in self._stored:
             self._stored[path] = store.is_store(path)
         return self._stored[path]
+
+    def headers(self, path: Path) -> tuple[Header, ...] | None:
+        """The items of a file of ours, without their arrays; ``None`` for a file of another format.
+
+        Raises
+        ------
+        InputError : the file cannot be read.
+        """
+        if not self._is_stored(path):
+            return None
+        if path not in self._headers:
+            self._headers[path] = store.describe(path)
+        return self._headers[path]
+
+    def _record(self, path: Path, place: int) -> Recording:
+        """A record of a file of ours; one whose signals stay in the file is read anew each time, a few numbers."""
+        return self._once((path, place), partial(record_of, path, place, IN_FILE), self._size_of_record)
+
+    def _size_of_record(self, record: Recording) -> int:
+        return self._budget + 1 if isinstance(record.signals, StoredSignals) else record.signals.nbytes
 
     def findings(self, path: Path, options: dict[str, Any]) -> tuple[Finding, ...]:
         """What the reader of the file has to say about it."""
@@ -78,10 +107,10 @@ class Files:
         ------
         InputError : the file cannot be read.
         """
-        if self._is_stored(path):
+        if (headers := self.headers(path)) is not None:
             return tuple(
-                Take(header.record, header.samples, _reader_of(path, place))
-                for place, header in enumerate(store.describe(path))
+                Take(header.record, header.samples, partial(self._record, path, place))
+                for place, header in enumerate(headers)
                 if header.record is not None
             )
         return tuple(
@@ -92,14 +121,6 @@ class Files:
             )
             for place, recording in enumerate(self.contents(path, options).recordings)
         )
-
-
-def _reader_of(path: Path, index: int) -> Callable[[], Recording]:
-    def read() -> Recording:
-        """The record, read anew from its file."""
-        return record_of(path, index, IN_FILE)
-
-    return read
 
 
 def _read(path: Path, options: dict[str, Any]) -> Contents:

@@ -32,7 +32,6 @@ from acquisition.scaling import (
     scaled_record,
 )
 from acquisition.setups import Part, merge
-from ema import store
 from ema.data import (
     Campaign,
     Channel,
@@ -268,8 +267,8 @@ class _Opening:
     def _holds_frfs(self, run: RunTable, item: Item, options: dict[str, Any], where: str) -> bool:
         if run.take is not None:
             return run.take == "FRFs"
-        if store.is_store(item.path):
-            kinds = {header.noun for header in store.describe(item.path)}
+        if (headers := self.files.headers(item.path)) is not None:
+            kinds = {header.noun for header in headers}
             records, frfs = "Recording" in kinds, "FrfSet" in kinds
         else:
             contents = self.files.contents(item.path, options)

@@ -7,9 +7,9 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
-from ema.data import Candidate, Finding, FrfSet, ModalModel, Run
+from ema.data import Candidate, Finding, FrfSet, ModalModel
 from ema.dof import Dof, match
-from ema.estimate.impact_decays import ImpactDecays, impact_decays
+from ema.estimate.impact_decays import FreeDecays, ImpactDecays, late_decays
 
 BEGINNINGS = (0.4, 0.2, 0.1, 0.05, 0.025)
 """Responses, relative to that behind the impact, at which the late decay begins, tried one after the other."""
@@ -38,19 +38,15 @@ class Sticking:
 
 
 def sticking(
-    run: Run, band: tuple[float, float], known: Mapping[float, ImpactDecays] = MappingProxyType({})
+    free: FreeDecays, band: tuple[float, float], known: Mapping[float, ImpactDecays] = MappingProxyType({})
 ) -> Sticking | None:
     """The earliest beginning from which on the decays of a run are linear; ``None`` where there is none.
 
     ``known`` holds late decays that were fitted before, by the response at their beginning.
-
-    Raises
-    ------
-    InputError : a record cannot be used.
     """
     earlier: ImpactDecays | None = None
     for number, beginning in enumerate(BEGINNINGS):
-        later = known.get(beginning) or impact_decays(run, band, beginning)
+        later = known.get(beginning) or late_decays(free, band, beginning)
         if later is None:
             return None
         if earlier is not None:

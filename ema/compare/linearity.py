@@ -14,15 +14,16 @@ window; a test that has more of it than of noise does not decide.
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ema.data import Finding, LevelEffect, Run
+from ema.data import Finding, Lazy, LevelEffect, Run
 from ema.data.modal import COVERAGE_FACTOR
-from ema.estimate.impact_decays import LATE, ImpactDecays, impact_decays
+from ema.estimate.impact_decays import LATE, FreeDecays, ImpactDecays, free_decays, late_decays
 from ema.progress import Progress, silent
 
 TWICE = float(np.log(2.0))
@@ -123,6 +124,7 @@ class Linearity:
     ``constants`` is the level dependence of the modal constants, ``decay`` that of the late decay over the early one;
     ``None`` where it cannot be read. ``decays`` begin where the response has fallen to ``later`` of that behind the
     impact. ``reason`` says why nothing was decided. ``beside`` is the run of another level that it took to decide.
+    ``free`` are the free decays of the run itself, for what else is read from them.
     """
 
     verdict: Verdict
@@ -132,6 +134,7 @@ class Linearity:
     reason: str = ""
     later: float = LATE
     beside: str = ""
+    free: FreeDecays | None = None
 
 
 def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) -> Linearity:
@@ -159,9 +162,10 @@ def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) 
     >>> linearity(Run("beam", Condition(Excitation(kind="hammer")), tuple(rig.takes())), (200.0, 500.0)).verdict
     'linear'
     """
+    free = free_decays(run, band, progress)
     result = Linearity("not testable", reason="no decay is long enough to be fitted behind the impacts")
     for later in (LATE, LATER):
-        decays = impact_decays(run, band, later, progress)
+        decays = late_decays(free, band, later)
         if decays is None:
             break
         judged = replace(judge(decays), later=later)
@@ -169,7 +173,7 @@ def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) 
         result = judged if judged.verdict == "not linear" or result.verdict == "not testable" else result
         if result.verdict != "not testable" and not _beyond(result):
             break
-    return result
+    return replace(result, free=free)
 
 
 def _beyond(result: Linearity) -> bool:
@@ -227,12 +231,18 @@ def linearity_beside(
     for other in others:
         if alone.verdict == "not linear":
             break
-        both = linearity(replace(run, recordings=(*run.recordings, *other.recordings)), band, progress)
+        both = linearity(_with_records_of(run, other), band, progress)
         harder = _level(run) > OTHER_LEVEL * _level(other)
         if (both.verdict == "not linear" and harder) or (both.verdict == "linear" and alone.verdict != "linear"):
             # the decays of both decide; those of the run itself give its modes
-            alone = replace(both, beside=other.id)
+            alone = replace(both, beside=other.id, free=alone.free)
     return alone
+
+
+def _with_records_of(run: Run, other: Run) -> Run:
+    """The run with the records of another behind its own, each read when it is used."""
+    records = [partial(one.recordings.__getitem__, row) for one in (run, other) for row in range(len(one.recordings))]
+    return replace(run, recordings=Lazy(records))
 
 
 def _level(run: Run) -> float:

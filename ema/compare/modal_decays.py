@@ -6,6 +6,7 @@ with an amplitude whose logarithm follows a parabola in time: in the middle of t
 coordinate, its slope the pole at that amplitude. Without a band-pass the first window begins right behind the impact.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import Run
 from ema.dof import Dof
-from ema.estimate.impact_decays import ImpactBlock, impact_blocks, late_part, late_poles
+from ema.estimate.impact_decays import ImpactBlock, free_decays, late_part, late_poles
 from ema.progress import Progress, silent
 
 LATEST = 0.15
@@ -123,11 +124,10 @@ def modal_decays(run: Run, band: tuple[float, float], progress: Progress = silen
     >>> round(float(np.median(np.abs(decays.local[:, :5, 0]) / (2 * np.pi))), 1)
     300.0
     """
-    blocks, step = impact_blocks(run, band, progress)
+    free = free_decays(run, band, progress)
+    blocks, original, rate = free.blocks, free.sampling_rate, free.rate
     if not blocks:
         return None
-    original = run.recordings[0].sampling_rate
-    rate = original / step
     late = late_part(blocks, rate, LATEST)
     if late is None:
         return None
@@ -173,7 +173,7 @@ def _force(block: ImpactBlock, poles: Complex[np.ndarray, "mode"], rate: float) 
 
 
 def _at_rest(
-    blocks: list[ImpactBlock],
+    blocks: Sequence[ImpactBlock],
     amplitudes: Complex[np.ndarray, "impact window mode"],
     poles: Complex[np.ndarray, "mode"],
     rate: float,

@@ -116,6 +116,27 @@ class ImpactBlock:
 
 
 @dataclass(frozen=True)
+class FreeDecays:
+    """The free decays behind the usable impacts of a run.
+
+    Parameters
+    ----------
+    blocks : one for each impact; none where the records differ in responses or sampling rate.
+    step : samples of the records between those that are kept.
+    sampling_rate : of the records, Hz.
+    """
+
+    blocks: tuple[ImpactBlock, ...]
+    step: int
+    sampling_rate: float
+
+    @property
+    def rate(self) -> float:
+        """Of the samples that are kept, Hz."""
+        return self.sampling_rate / self.step
+
+
+@dataclass(frozen=True)
 class LatePart:
     """Early and late parts of all blocks (impact, out, sample) at ``rate`` Hz, and the rms noise of each response."""
 
@@ -164,11 +185,14 @@ def impact_decays(
     >>> [round(float(x), 1) for x in np.abs(decays.poles) / (2 * np.pi)]
     [300.0]
     """
-    blocks, step = impact_blocks(run, band, progress)
-    if not blocks:
+    return late_decays(free_decays(run, band, progress), band, later)
+
+
+def late_decays(free: FreeDecays, band: tuple[float, float], later: float) -> ImpactDecays | None:
+    """As :func:`impact_decays`, of free decays that were cut from their records before."""
+    if not free.blocks:
         return None
-    rate = run.recordings[0].sampling_rate / step
-    late = late_part(blocks, rate, later)
+    late = late_part(free.blocks, free.rate, later)
     if late is None:
         return None
     poles = late_poles(late.signals, late.rate, late.noise)
@@ -176,11 +200,16 @@ def impact_decays(
     poles = poles[(frequency >= band[0]) & (frequency <= band[1]) & (-poles.real < _HEAVIEST * np.abs(poles))]
     if not len(poles):
         return None
-    return _extrapolated(blocks, late, poles, step)
+    return _extrapolated(free.blocks, late, poles, free.step)
 
 
-def impact_blocks(run: Run, band: tuple[float, float], progress: Progress) -> tuple[list[ImpactBlock], int]:
-    """The free decay behind every impact, at a rate that the band needs, and the step of its samples."""
+def free_decays(run: Run, band: tuple[float, float], progress: Progress = silent) -> FreeDecays:
+    """Cut the free decay behind every impact from the records, at a rate that the band needs.
+
+    Raises
+    ------
+    InputError : a record cannot be used, or there is no band within half the sampling rate.
+    """
     records = channels.recordings_of(run)
     rate = records[0].sampling_rate
     low, high = band
@@ -204,7 +233,7 @@ def impact_blocks(run: Run, band: tuple[float, float], progress: Progress) -> tu
         layout = channels.layout(record, where)
         channels.finite(record, layout, where)
         if record.sampling_rate != rate or (blocks and layout.outputs != blocks[0].outputs):
-            return [], step
+            return FreeDecays((), step, rate)
         impacts = judge_record(record, layout, number, None)
         signals = np.asarray(record.signals[list(layout.responses)], dtype=np.float64)
         rest = impacts[0].rest if impacts else signals.mean(axis=1)
@@ -214,10 +243,11 @@ def impact_blocks(run: Run, band: tuple[float, float], progress: Progress) -> tu
             blocks.append(_block(number, impact, layout, force, signals, step))
         advance(progress, "late decays", number + 1, len(records))
     if not blocks:
-        return [], step
+        return FreeDecays((), step, rate)
     lengths = np.array([block.decay.shape[1] for block in blocks])
     usable = [block for block in blocks if not block.impact.asked and not _overloaded(block.impact)]
-    return [block for block in usable if block.decay.shape[1] >= 0.5 * np.median(lengths)], step
+    long = tuple(block for block in usable if block.decay.shape[1] >= 0.5 * np.median(lengths))
+    return FreeDecays(long, step, rate)
 
 
 def _overloaded(impact: Judged) -> bool:

@@ -44,7 +44,7 @@ def analyse(
     poles, modes = fitted(alive, fit, progress)
     equivalent: tuple[SingleMode, ...] = ()
     if tested is not None and tested.verdict == "not linear":
-        modes = _of_the_decay(run, band, alive, modes, tested)
+        modes = _of_the_decay(band, alive, modes, tested)
         equivalent = _equivalent(alive, modes)
     reconstruction = synthesis.frfs(
         as_recorded(modes, alive), alive.frequencies, alive.quantity, outputs=alive.outputs, inputs=alive.inputs
@@ -132,14 +132,13 @@ def _ends(frfs: FrfSet) -> tuple[float, float]:
     return float(frfs.frequencies[0]), float(frfs.frequencies[-1])
 
 
-def _of_the_decay(
-    run: Run, band: tuple[float, float], frfs: FrfSet, fitted: ModalModel, tested: "Linearity"
-) -> ModalModel:
+def _of_the_decay(band: tuple[float, float], frfs: FrfSet, fitted: ModalModel, tested: "Linearity") -> ModalModel:
     """Modes of the decay after sticking in place of those fitted to FRFs that no linear structure has."""
     from ema.compare.decay_modes import modes_after_sticking, sticking, withheld
 
     own = None if tested.beside else tested.decays
-    after_sticking = sticking(run, band, {} if own is None else {tested.later: own})
+    assert tested.free is not None
+    after_sticking = sticking(tested.free, band, {} if own is None else {tested.later: own})
     return withheld(fitted) if after_sticking is None else modes_after_sticking(after_sticking, frfs, fitted)
 
 

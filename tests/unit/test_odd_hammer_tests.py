@@ -11,9 +11,8 @@ from ema.cli import main
 from ema.data import Condition, Excitation, FrfSet, ModalModel, Run
 from ema.errors import InputError
 from ema.estimate import HammerSettings, hammer_test
-from ema.estimate.impact_decays import impact_blocks, impact_decays, late_part
+from ema.estimate.impact_decays import free_decays, impact_decays, late_part
 from ema.fit import modes, stabilise
-from ema.progress import silent
 from ema.study.chain import analyse
 from ema.study.measured import frfs_of
 from ema.study.recipe import EstimateTable, FitTable
@@ -212,9 +211,9 @@ def test_impacts_of_many_levels_and_points_near_nodes_do_not_disagree(noise: flo
 
 def test_records_that_end_with_a_contact_have_no_decay() -> None:
     """Where the force rings to the end of the record nothing is left behind it; the analysis had ended in a fault."""
-    blocks, step = impact_blocks(hammer_run(points=(1,)), BAND, silent)
-    assert late_part(blocks, RATE / step, 0.5) is not None
-    assert late_part([replace(one, decay=one.decay[:, :0]) for one in blocks], RATE / step, 0.5) is None
+    free = free_decays(hammer_run(points=(1,)), BAND)
+    assert free.rate == RATE / free.step and late_part(free.blocks, free.rate, 0.5) is not None
+    assert late_part([replace(one, decay=one.decay[:, :0]) for one in free.blocks], free.rate, 0.5) is None
 
 
 @pytest.mark.parametrize("factor", [1.0, -0.37])
