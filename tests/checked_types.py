@@ -2,7 +2,8 @@
 
 ``jaxtyped`` checks the parameters of a function twice, binds them by ``inspect`` at every call, and makes the check of an
 inner function anew whenever the outer one is called: half the time of many tests. Here parameters and result
-are checked once, names of axes are kept only where a hint has axes, and every piece of code gets its check once.
+are checked once, names of axes are kept only where a hint has axes, every piece of code gets its check once, and an
+array is compared with plain axes (names and lengths) without a copy of all that is known of the call.
 """
 
 import dataclasses
@@ -14,12 +15,79 @@ import typing
 from collections.abc import Callable
 
 import jaxtyping
+import numpy as np
 from beartype import BeartypeConf, beartype
+from jaxtyping import _array_types, _storage
 
 original = jaxtyping.jaxtyped
-_axes = original("context")
 # an int is a float where one is declared, as PEP 484 has it
 _beartyped = beartype(conf=BeartypeConf(is_pep484_tower=True))
+
+
+class Plain(typing.NamedTuple):
+    """A hint of an array whose axes are names, lengths or anything (``None``), and the types of values that it admits, as
+    far as they have been asked for."""
+
+    array: type
+    axes: tuple[str | int | None, ...]
+    admitted: dict[np.dtype, bool]
+
+
+_plain: dict[type, Plain | None] = {}
+_ABSTRACT = _array_types._MetaAbstractArray
+
+
+def plain(hint: type) -> Plain | None:
+    """The hint where its axes are plain; ``None`` where jaxtyping has to look."""
+    if hint._skip_instancecheck or hint.index_variadic is not None or not isinstance(hint.array_type, type):
+        return None
+    axes: list[str | int | None] = []
+    for axis in hint.dims:
+        if axis is _array_types._anonymous_dim:
+            axes.append(None)
+        elif isinstance(axis, _array_types._FixedDim) and not axis.broadcastable:
+            axes.append(axis.size)
+        elif isinstance(axis, _array_types._NamedDim) and not axis.broadcastable and not axis.treepath:
+            axes.append(axis.name)
+        else:
+            return None
+    return Plain(hint.array_type, tuple(axes), {})
+
+
+def fits(hint: type, value: object) -> bool:
+    """Whether a value is what a hint of an array says, beside what is known of the axes of the call."""
+    try:
+        known = _plain[hint]
+    except KeyError:
+        known = _plain[hint] = plain(hint)
+    if known is None or _storage.get_treeflatten_memo():
+        return hint.__instancecheck_str__(value) == ""
+    if not isinstance(value, known.array):
+        return False
+    shape, axes = value.shape, known.axes
+    try:
+        admitted = known.admitted[value.dtype]
+    except KeyError:
+        within = hint.dtype[known.array, "..."]
+        admitted = known.admitted[value.dtype] = within.__instancecheck_str__(value) == ""
+    if not admitted or len(shape) != len(axes):
+        return False
+    stack = getattr(_storage._shape_storage, "memo_stack", None)
+    lengths = stack[-1][0] if stack else {}
+    new: dict[str, int] = {}
+    for axis, length in zip(axes, shape, strict=True):
+        if axis is None:
+            continue
+        stated = axis if isinstance(axis, int) else lengths.get(axis, new.get(axis))
+        if stated is None:
+            new[axis] = length
+        elif stated != length:
+            return False
+    lengths.update(new)
+    return True
+
+
+_ABSTRACT.__instancecheck__ = fits
 
 
 class _Running(threading.local):
@@ -89,8 +157,11 @@ def _function(target: types.FunctionType, called: Callable) -> Callable:
     @functools.wraps(target)
     def outer(*args, **named):  # type: ignore[no-untyped-def]
         __tracebackhide__ = True
-        with _axes:
+        _storage.push_shape_memo({})
+        try:
             return inner(*args, **named)
+        finally:
+            _storage.pop_shape_memo()
 
     return outer
 

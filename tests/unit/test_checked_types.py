@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from beartype import BeartypeConf, beartype
 from beartype.roar import BeartypeCallHintViolation
-from jaxtyping import Float, TypeCheckError
+from jaxtyping import AnnotationError, Bool, Complex, Float, Inexact, Int, Shaped, TypeCheckError, _storage
 
 from ema.data.frf import FrfSet
+from ema.data.stored_signals import StoredSignals
 from ema.synthesis import frfs as synthesised
-from tests.checked_types import checked, original
+from tests.checked_types import checked, fits, original
 
 
 def by_jaxtyping(target):
@@ -144,3 +145,58 @@ def test_functions_and_containers_of_the_package_are_checked():
     refused(synthesised, "model", np.arange(3.0))
     given = {each.name: None for each in fields(FrfSet) if each.init}
     refused(FrfSet, **given)
+
+
+HINTS = (
+    Float[np.ndarray, "n"],
+    Float[np.ndarray, "n n"],
+    Complex[np.ndarray, "n 2"],
+    Inexact[np.ndarray, "_ m"],
+    Int[np.ndarray, "m n"],
+    Bool[np.ndarray, ""],
+    Float[np.ndarray, "n *more"],
+    Float[np.ndarray, "... m"],
+    Float[np.ndarray, "n+1"],
+    Float[np.ndarray, "#n m"],
+    Shaped[np.ndarray, "n"],
+    Float[StoredSignals, "n m"],
+)
+
+
+def test_arrays_and_axes_are_judged_as_by_jaxtyping():
+    """Sequences of hints and arrays in one call, with what is known of the axes after each."""
+    rng = np.random.default_rng(17)
+    verdicts = set()
+    for _ in range(2500):
+        _storage.push_shape_memo({})
+        _storage.push_shape_memo({})
+        ours, theirs = _storage._shape_storage.memo_stack[-2:]
+        try:
+            for _ in range(12):
+                hint = HINTS[rng.integers(len(HINTS))]
+                shape = tuple(rng.integers(1, 4, size=rng.integers(0, 3)).tolist())
+                value = [np.zeros(shape, kind) for kind in ("f4", "f8", "c16", "i8", "?", "U3")][rng.integers(6)]
+                found = []
+                for memo, judge in (
+                    (ours, fits),
+                    (theirs, lambda hint, value: hint.__instancecheck_str__(value) == ""),
+                ):
+                    _storage._shape_storage.memo_stack[-1] = memo
+                    try:
+                        found.append(judge(hint, value))
+                    except AnnotationError:
+                        found.append("no such axis")
+                    memo = _storage._shape_storage.memo_stack[-1]
+                    ours, theirs = (memo, theirs) if judge is fits else (ours, memo)
+                assert found[0] == found[1], (hint, value.shape, value.dtype, ours, theirs)
+                assert ours[:2] == theirs[:2]
+                verdicts.add((hint, found[0]))
+        finally:
+            _storage.pop_shape_memo()
+            _storage.pop_shape_memo()
+    assert {(hint, True) for hint in HINTS[:-1]} | {(hint, False) for hint in HINTS} <= verdicts
+
+
+def test_what_is_no_array_or_of_another_kind_is_refused():
+    assert not isinstance([1.0], Vector) and not isinstance(None, Vector) and not isinstance(np.float64(1.0), Vector)
+    assert isinstance(TWO, Vector) and not isinstance(TWO.astype(int), Vector) and not isinstance(np.zeros(()), Vector)
