@@ -81,10 +81,11 @@ def ema_command(capsys: pytest.CaptureFixture[str], *arguments: object) -> Ended
     return Ended(int(ended.value.code or 0), told.out, told.err)
 
 
-def ema_process(*arguments: object, **options: Any) -> Ended:
-    """The command in a process of its own."""
+def ema_process(*arguments: object, before: str = "", **options: Any) -> Ended:
+    """The command in a process of its own, ``before`` it other code."""
+    interpreter, option, code = COMMAND
     ended = subprocess.run(
-        [*COMMAND, *map(str, arguments)],
+        [interpreter, option, before + code, *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=120,
