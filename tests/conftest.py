@@ -2,12 +2,15 @@
 
 import gc
 import os
+import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import jaxtyping
 import pytest
 import scipy.linalg  # noqa: F401 (loads linear algebra, so that its threads can be limited)
+from filelock import FileLock
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
@@ -58,6 +61,27 @@ def datasets() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real measurements: {folder} is absent (set EMA_DATASETS)")
     return folder
+
+
+@pytest.fixture(scope="session")
+def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Folder of a built-in campaign by its name, to be read: its signals are written by the first test of the session that
+    asks for them, in a process that the shape checker does not slow down, while the other processes wait.
+    """
+    from ema.datasets.builtin import is_generated
+
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def written(name: str) -> Path:
+        folder = ROOT / "datasets" / name
+        task = f"from pathlib import Path; from ema.datasets.builtin import ensure; ensure(Path({str(folder)!r}), {name!r})"
+        with FileLock(shared / f"{name}.lock"):
+            if not is_generated(folder):
+                subprocess.run([sys.executable, "-c", task], cwd=ROOT, check=True)
+        return folder
+
+    return written
 
 
 @pytest.fixture

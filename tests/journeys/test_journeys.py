@@ -2,6 +2,7 @@
 
 import runpy
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,6 @@ import pytest
 
 from ema import store
 from ema.datasets import table
-from ema.datasets.builtin import ensure
 from tests.unit.test_record import RIG
 
 HERE = Path(__file__).parent
@@ -23,9 +23,9 @@ def journey(number: int, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[
 
 
 @pytest.fixture(scope="module")
-def place(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def place(root: Path, demonstration: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder that holds the data of the project and nothing that was computed before."""
-    ensure(root / "datasets" / "work_table_bending", "work_table_bending")
+    demonstration("work_table_bending")
     folder = tmp_path_factory.mktemp("journeys")
     (folder / "datasets").symlink_to(root / "datasets", target_is_directory=True)
     (folder / "reports" / "_build").mkdir(parents=True)

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import acquisition
 from ema import estimate, fit
 from ema.compare import ring_down_modes
 from ema.compare.linearity import level_finding, linearity, linearity_beside, other_levels
@@ -20,7 +21,6 @@ from ema.shapes import mac
 from ema.simulate import backbone
 from ema.simulate.reduction import modal_base
 from ema.simulate.structure import assemble
-from ema.study import Study
 from tests.validation.recipes import run_recipe
 
 BAND = (300.0, 1300.0)
@@ -30,8 +30,9 @@ RUNS = ("bare", "beam_1kN", "beam_5kN", "beam_10kN")
 
 
 @pytest.fixture(scope="module")
-def result(root, tmp_path_factory):
+def result(root, demonstration, tmp_path_factory):
     """The recipe's, run once."""
+    demonstration("work_table_hammer")
     return run_recipe(root / "reports" / "work_table_hammer.toml", tmp_path_factory.mktemp("hammer"))
 
 
@@ -42,9 +43,9 @@ def analysed(result):
 
 
 @pytest.fixture(scope="module")
-def campaign(root, result):
-    """The signals that the recipe was run with."""
-    return Study.load(root / "reports" / "work_table_hammer.toml").open()
+def campaign(demonstration):
+    """The signals that the recipe is run with."""
+    return acquisition.open_campaign(demonstration("work_table_hammer"))
 
 
 def stuck(force):

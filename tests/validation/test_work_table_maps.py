@@ -33,12 +33,13 @@ SETTINGS = {
 
 
 @pytest.fixture(scope="module")
-def mapped(root, tmp_path_factory):
+def mapped(root, demonstration, tmp_path_factory):
     """Campaign, settings and result of a recipe by its name, run once."""
 
     @cache
     def run(name):
         path = root / "reports" / f"work_table_{name}.toml"
+        demonstration(f"work_table_{name}")
         result = run_recipe(path, tmp_path_factory.mktemp(name))
         study = Study.load(path)
         return study.open(), study.recipe, result
