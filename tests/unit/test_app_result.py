@@ -21,7 +21,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "reports").mkdir()
     (folder / "reports" / "four.toml").write_text(RECIPE)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ema.report, "write", lambda result, path, formats=(), language="en": path, raising=False)
+        patch.setattr(ema.report, "write", lambda result, path, **more: path, raising=False)
         workbench(folder / "reports" / "four.toml")
     return folder
 

@@ -35,7 +35,7 @@ def finished(small_study_master: Path, tmp_path_factory: pytest.TempPathFactory)
     folder = tmp_path_factory.mktemp("finished") / "study"
     shutil.copytree(small_study_master, folder)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ema.report, "write", lambda result, path, formats=(), language="en": path, raising=False)
+        patch.setattr(ema.report, "write", lambda result, path, **more: path, raising=False)
         Study.load(folder / "recipe.toml").run()
     return folder
 

@@ -166,7 +166,7 @@ def test_a_former_name_is_read_as_before_and_reaches_the_result(
         ("former-name", f"line {line + 1}", "'impact hammer' is called 'hammer' now."),
     ]
     (tmp_path / "recipe.toml").write_text('campagne = "four"\n[fit]\nfrequency_band = [20, 400]\n', encoding="utf-8")
-    monkeypatch.setattr("ema.report.write", lambda result, path, language="en": path)
+    monkeypatch.setattr("ema.report.write", lambda result, path, **more: path)
     result = Study.load(tmp_path / "recipe.toml").run()
     messages = [finding.message for finding in result.findings if finding.code == "former-name"]
     assert messages[:2] == ["'campagne' is called 'campaign' now.", "'frequency_band' is called 'band' now."]
