@@ -445,11 +445,18 @@ def load(path: str | Path) -> CampaignFile:
 
     Parameters
     ----------
-    path : the file, or the folder that holds it.
+    path : str or Path
+        The file, or the folder that holds it.
+
+    Returns
+    -------
+    CampaignFile
+        Content of the file, checked.
 
     Raises
     ------
-    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    InputError
+        There is no such file, it is no TOML, or a key is unknown, missing or wrong; the message names its line.
     """
     return KIND.load(path)
 

@@ -378,11 +378,18 @@ def load(path: str | Path) -> ModelFile:
 
     Parameters
     ----------
-    path : the file, or the folder that holds it.
+    path : str or Path
+        The file, or the folder that holds it.
+
+    Returns
+    -------
+    ModelFile
+        Content of the file, checked.
 
     Raises
     ------
-    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    InputError
+        There is no such file, it is no TOML, or a key is unknown, missing or wrong; the message names its line.
     """
     model = KIND.load(path)
     warn(model.former_names)

@@ -57,6 +57,7 @@ def explained(work: Callable[[], Any]) -> Any:
 
 
 def as_list(value: Any) -> Any:
+    """Return a list as it is, and anything else as a list with one element."""
     return value if isinstance(value, list) else [value]
 
 

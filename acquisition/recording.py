@@ -137,17 +137,21 @@ class _WithoutPlaces:
 
     @property
     def channels(self) -> tuple[Channel, ...]:
+        """Channels of the source, without DOFs."""
         return tuple(replace(channel, dof=None) for channel in self.source.channels)
 
     @property
     def sampling_rate(self) -> float:
+        """Hz."""
         return self.source.sampling_rate
 
     def takes(self) -> Iterator[Recording]:
+        """Takes of the source, whose channels have no DOFs."""
         for one in self.source.takes():
             yield replace(one, channels=tuple(replace(channel, dof=None) for channel in one.channels))
 
     def close(self) -> None:
+        """Close the source."""
         self.source.close()
 
 

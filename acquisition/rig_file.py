@@ -172,11 +172,18 @@ def load(path: Path) -> RigFile:
 
     Parameters
     ----------
-    path : the file, or the folder that holds it.
+    path : Path
+        The file, or the folder that holds it.
+
+    Returns
+    -------
+    RigFile
+        Content of the file, checked.
 
     Raises
     ------
-    InputError : no such file, or a key that is unknown, missing or wrong, with its line.
+    InputError
+        There is no such file, it is no TOML, or a key is unknown, missing or wrong; the message names its line.
     """
     rig = KIND.load(path)
     warn(rig.former_names)
@@ -296,11 +303,26 @@ def force_level(rig: RigFile, text: str | None, folder: Path) -> float | None:
 
 
 def normal_force(rig: RigFile, text: str | None, folder: Path) -> float | None:
-    """The normal force in N that every joint is to have; nothing where none is asked for.
+    """Return the normal force that every joint is to have.
+
+    Parameters
+    ----------
+    rig : RigFile
+        The rig; one of its channels has to measure a normal force.
+    text : str or None
+        Force with its unit, such as ``"1 kN"``; None where none is asked for.
+    folder : Path
+        Folder of the rig file, for the message.
+
+    Returns
+    -------
+    float or None
+        Force [N]; None where ``text`` is None.
 
     Raises
     ------
-    InputError : the rig measures none, or a text that is no force above 0.
+    InputError
+        The rig measures no normal force, or the text is no force above 0.
     """
     if text is None:
         return None
@@ -319,15 +341,22 @@ def normal_force(rig: RigFile, text: str | None, folder: Path) -> float | None:
 
 
 def open_rig(rig: RigFile) -> Source:
-    """The front end that a file describes, opened; takes begin at its trigger.
+    """Open the front end that a file describes; takes begin at its trigger.
 
     Parameters
     ----------
-    rig : content of a ``rig.toml`` whose ``device`` is ``opendaq:ADDRESS``.
+    rig : RigFile
+        Content of a ``rig.toml`` whose ``device`` is ``opendaq:ADDRESS``.
+
+    Returns
+    -------
+    Source
+        The front end; it has to be closed.
 
     Raises
     ------
-    InputError, FailureError : it cannot be opened.
+    InputError, FailureError
+        It cannot be opened.
     """
     return OpendaqRig(_address(rig), wires(rig), rig.rig.sampling_rate, trigger(rig), rig.rig.properties)
 

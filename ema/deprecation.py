@@ -45,6 +45,7 @@ def fields_as_arguments(parameter: str, kind: type) -> Callable[[Function], Func
     given = [field.name for field in fields(kind)]
 
     def decorated(function: Function) -> Function:
+        """Wrap ``function`` so that it takes the fields of the object as well, with a warning."""
         parameters = signature(function).parameters
         names = list(parameters)
         place = names.index(parameter)
@@ -52,6 +53,7 @@ def fields_as_arguments(parameter: str, kind: type) -> Callable[[Function], Func
 
         @wraps(function)
         def call(*args: Any, **options: Any) -> Any:
+            """Call the function with the object, put together from fields given one by one."""
             one_by_one = len(args) > place and not isinstance(args[place], kind)
             if not one_by_one and not any(name in options for name in given):
                 return function(*args, **options)

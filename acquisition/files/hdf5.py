@@ -36,9 +36,23 @@ def read(path: Path, layout: Layout) -> Contents:
     A group that holds ``data``, ``sample_rate`` and ``channel_names`` (or ``time``) describes itself; anything else
     needs a layout.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        Which array is what, in a file that does not describe itself; ``salvage``: read a file of another length than
+        its superblock states.
+
+    Returns
+    -------
+    Contents
+        What the layout, or the file itself, names; with findings for what was not read.
+
     Raises
     ------
-    InputError : damaged, or in need of a layout.
+    InputError
+        The file is damaged, or needs a layout.
     """
     notes = compare_length(path, layout)
     pool = variables(path)

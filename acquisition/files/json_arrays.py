@@ -18,9 +18,22 @@ from ema.errors import InputError
 def read(path: Path, layout: Layout) -> Contents:
     """Read arrays; nested objects become names with dots.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        Which array is what.
+
+    Returns
+    -------
+    Contents
+        What the layout names; texts of the file become its metadata.
+
     Raises
     ------
-    InputError : damaged, or in need of a layout.
+    InputError
+        The file is damaged, names a key twice, or needs a layout.
     """
     tree = json.loads(table.decode(sniff.whole(path)), object_pairs_hook=lambda pairs: _once(pairs, path.name))
     found = dict(_walk("", tree))

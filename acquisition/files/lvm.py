@@ -25,9 +25,22 @@ _END = "***End_of_Header***"
 def read(path: Path, layout: Layout) -> Contents:
     """Read every segment as a recording.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``units`` of the channels where the header states none; ``salvage``: read an interrupted segment up to its end.
+
+    Returns
+    -------
+    Contents
+        One recording per segment, with signals (channel, sample) in SI where units are stated.
+
     Raises
     ------
-    InputError : no segment, or one whose rows are not those that its header announces.
+    InputError
+        There is no segment, or one whose rows are not those that its header announces.
     """
     lines = table.decode(sniff.whole(path)).splitlines()
     separator, decimal = _dialect(lines)

@@ -23,9 +23,22 @@ from ema.errors import InputError
 def read(path: Path, layout: Layout) -> Contents:
     """Read the variables of a MATLAB file.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        Which variable is what; ``salvage``: read a file that is not as long as it announces.
+
+    Returns
+    -------
+    Contents
+        What the layout names; text variables become metadata.
+
     Raises
     ------
-    InputError : damaged, or in need of a layout.
+    InputError
+        The file is damaged, or needs a layout.
     """
     notes = compare_length(path, layout)
     contents = contents_of(variables(path), layout)

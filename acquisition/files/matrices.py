@@ -73,11 +73,23 @@ def _market(path: Path) -> Float[np.ndarray, "n n"]:
 
 
 def entries(path: Path) -> dict[str, Any]:
-    """What a Matrix Market file holds: ``shape`` and ``values`` (n, n), or ``rows``, ``columns``, ``values`` (entry,).
+    """Read the entries of a Matrix Market file.
+
+    Parameters
+    ----------
+    path : Path
+        File that begins with the banner of the format.
+
+    Returns
+    -------
+    dict
+        ``shape``: rows and columns of the matrix; ``values`` (n, n) of a dense matrix, or ``rows``, ``columns`` and
+        ``values`` (entry,) of a sparse one, counted from 0.
 
     Raises
     ------
-    InputError : too large to be held in full, or a pattern.
+    InputError
+        The matrix is too large to be kept in full, or has a pattern without values.
     """
     from scipy.io import mminfo, mmread
 

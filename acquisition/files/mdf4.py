@@ -23,10 +23,24 @@ from ema.errors import InputError, require
 def read(path: Path, layout: Layout) -> Contents:
     """Read the channels that are sampled at a constant rate.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``units`` of the channels where the file states none; ``salvage``: read the whole records of a damaged file.
+
+    Returns
+    -------
+    Contents
+        One recording per sampling rate, with signals (channel, sample) in SI where units are stated.
+
     Raises
     ------
-    MissingExtraError : asammdf is not installed.
-    InputError : damaged, without channels, or with a time axis that is not even.
+    MissingExtraError
+        asammdf is not installed.
+    InputError
+        The file is damaged, without channels, or its time axis is not evenly spaced.
     """
     there = call("mdf4", path, salvage=layout.salvage)
     if not there["channels"]:

@@ -20,11 +20,24 @@ from ema.errors import InputError
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read an array; nothing that is stored as Python objects is loaded.
+    """Read an array, or the arrays of an archive; nothing that is stored as Python objects is loaded.
+
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        Which array, column or field is what.
+
+    Returns
+    -------
+    Contents
+        What the layout names, with findings for arrays that were not read.
 
     Raises
     ------
-    InputError : damaged, holding objects, or in need of a layout.
+    InputError
+        The file is damaged, holds objects, or needs a layout.
     """
     with path.open("rb") as file:
         single = file.read(6) == b"\x93NUMPY"

@@ -14,17 +14,26 @@ from ema.errors import InputError, UnitError
 
 
 def modes(arrays: Arrays, layout: Layout) -> Contents:
-    """Mode shapes with their natural frequencies and damping ratios.
+    """Take mode shapes with their natural frequencies and damping ratios from arrays.
 
     Parameters
     ----------
-    arrays : arrays of the file.
-    layout : ``shapes`` with ``shape_axes``, ``natural_frequencies`` in Hz, ``damping_ratios`` and ``nodes``; an axis
-        that is not named has length 1. One direction is a scalar DOF, several are +X, +Y, +Z and so on.
+    arrays : Arrays
+        Arrays of the file.
+    layout : Layout
+        ``shapes`` with ``shape_axes``, ``natural_frequencies`` in Hz, ``damping_ratios`` and ``nodes``; an axis that is
+        not named has length 1. One direction is a scalar DOF, several are +X, +Y, +Z and so on.
+
+    Returns
+    -------
+    Contents
+        One modal model with shapes (dof, mode), DOFs node by node, and no participation; values that are not finite
+        have a finding.
 
     Raises
     ------
-    InputError : the axes are not those of the array, or the numbers of shapes, nodes and frequencies disagree.
+    InputError
+        The axes are not those of the array, or the numbers of shapes, nodes and frequencies disagree.
     """
     array = np.asarray(arrays.numbers(str(layout.shapes), np.complex128))
     names = layout.shape_axes.split()

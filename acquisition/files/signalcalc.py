@@ -22,13 +22,28 @@ from ema.units import UNSTATED
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read one FRF; ``outputs`` and ``inputs`` of the layout overrule the DOFs of the header.
+    """Read one FRF.
+
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``outputs`` and ``inputs`` replace the DOFs of the header; ``amplitude_unit`` and ``phase_unit`` state what the
+        titles leave open; ``salvage``: read an interrupted table up to its end.
+
+    Returns
+    -------
+    Contents
+        One FRF set with values (freq, 1, 1), in SI where the header states the unit.
 
     Raises
     ------
-    InputError : the columns are not frequency, real and imaginary part, or frequency, magnitude and phase; or the
-        table is interrupted, and salvage was not asked for.
-    UnitError : the scale of the magnitude or the unit of the phase is stated nowhere.
+    InputError
+        The columns are not frequency, real and imaginary part, or frequency, magnitude and phase; or the table is
+        interrupted.
+    UnitError
+        The scale of the magnitude or the unit of the phase is stated nowhere.
     """
     text = table.decode(sniff.whole(path))
     segment, *others = table.parse(text, layout, path.name)

@@ -154,7 +154,23 @@ def json(start: bytes) -> bool:
 
 
 def text(start: bytes) -> bool:
-    """Bytes that are text in some one-byte code or UTF-8 or UTF-16."""
+    """Tell whether a file begins as text in some one-byte code, UTF-8 or UTF-16.
+
+    Parameters
+    ----------
+    start : bytes
+        First bytes of the file.
+
+    Returns
+    -------
+    bool
+        False where they contain a control character that no text uses, unless a UTF-16 byte order mark comes first.
+
+    Examples
+    --------
+    >>> text(b"time [s];force [N]"), text(bytes([0, 1, 2]))
+    (True, False)
+    """
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return True
     return not re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", start)

@@ -21,12 +21,27 @@ from ema.errors import InputError, require
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read the waveform channels; those without a time step need ``sampling_rate`` of the layout.
+    """Read the waveform channels.
+
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``sampling_rate`` in Hz of channels without a time step; ``units`` where the file states none; ``salvage``: read
+        a file that was not closed.
+
+    Returns
+    -------
+    Contents
+        One recording per sampling rate, with signals (channel, sample) in SI where units are stated.
 
     Raises
     ------
-    MissingExtraError : nptdms is not installed.
-    InputError : damaged, without channels, or without a time step.
+    MissingExtraError
+        nptdms is not installed.
+    InputError
+        The file is damaged, without channels, or without a time step.
     """
     notes = _announced(path, layout)
     there = call("tdms", path)

@@ -19,10 +19,25 @@ from ema.units import UNSTATED
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``names`` and ``units`` of the channels, which the format does not state; ``salvage``: read a file that ends too
+        early.
+
+    Returns
+    -------
+    Contents
+        One recording with signals (channel, sample): fractions of full scale, or in SI where ``units`` are given.
+
     Raises
     ------
-    MissingExtraError : soundfile is not installed.
-    InputError : damaged.
+    MissingExtraError
+        soundfile is not installed.
+    InputError
+        The file is damaged.
     """
     notes = _announced(path, layout)
     there = call("wav", path)

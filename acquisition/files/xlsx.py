@@ -23,12 +23,27 @@ from ema.errors import InputError, require
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read one sheet: that named in the layout, else the first that holds numbers, of those that are not hidden first.
+    """Read one sheet of a workbook.
+
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``sheet``: its name, by default the first that holds numbers, visible sheets first; otherwise as for a text
+        table.
+
+    Returns
+    -------
+    Contents
+        What the sheet holds, with findings that name the sheets that were not read.
 
     Raises
     ------
-    MissingExtraError : openpyxl is not installed.
-    InputError : no such sheet, no numbers, or the titles do not say what the columns are.
+    MissingExtraError
+        openpyxl is not installed.
+    InputError
+        There is no such sheet, no number in it, or the titles do not say what the columns are.
     """
     there = call("xlsx", path, sheet=layout.sheet)
     sheets = there["sheets"]

@@ -55,15 +55,22 @@ class Part:
 
 
 def names(archive: Path) -> set[str]:
-    """Names of the parts of an archive.
+    """Return the names of the parts of an archive.
 
     Parameters
     ----------
-    archive : its folder; one whose parts are all gone has no names, one without ``parts/`` is no archive.
+    archive : Path
+        Its folder; one whose parts are all gone has no names, one without ``parts/`` is no archive.
+
+    Returns
+    -------
+    set of str
+        SHA-256 of the content of every part.
 
     Raises
     ------
-    InputError : the folder is no archive.
+    InputError
+        The folder is no archive, or cannot be read.
     """
     folder = archive / FOLDER
     try:
@@ -172,12 +179,20 @@ def read(archive: Path, name: str) -> Part:
 
     Parameters
     ----------
-    archive : folder of the archive.
-    name : SHA-256 of the content, as ``names`` gives it; the content is checked against it.
+    archive : Path
+        Folder of the archive.
+    name : str
+        SHA-256 of the content, as :func:`names` gives it; the content is checked against it.
+
+    Returns
+    -------
+    Part
+        One state of a campaign, and the names of the earlier states that it replaces.
 
     Raises
     ------
-    InputError : it is damaged, or a newer version wrote it.
+    InputError
+        It is damaged, or a newer version wrote it.
     """
     path = archive / FOLDER / f"{name}{SUFFIX}"
     try:

@@ -106,7 +106,17 @@ def _frfs(frfs: FrfSet) -> dict[str, Any]:
 
 
 def show(out: Console, campaign: Campaign, runs: list[Checked]) -> None:
-    """Print the check for people."""
+    """Print the check for people.
+
+    Parameters
+    ----------
+    out : Console
+        Console that prints.
+    campaign : Campaign
+        The campaign: its head, its channels and its findings come first.
+    runs : list of Checked
+        The checked runs, printed one below the other.
+    """
     out.print(campaign.name, style="bold")
     for what in ("structure", "operator", "date", "comment"):
         if text := getattr(campaign, what):

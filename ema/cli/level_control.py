@@ -71,7 +71,18 @@ class Shaker(Protocol):
         ...
 
     def measure(self, command: float) -> Recording:
-        """All stays of the stepped sine with the generator at ``command``."""
+        """Run all stays of the stepped sine.
+
+        Parameters
+        ----------
+        command : float
+            Amplitude of the generator, in the unit of the device.
+
+        Returns
+        -------
+        Recording
+            All stays in one record.
+        """
         ...
 
     def close(self) -> None:

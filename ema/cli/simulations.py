@@ -35,16 +35,27 @@ def snapback(
     reference: bool,
     progress: Progress,
 ) -> Job:
-    """Free vibrations at every normal force, with their ring-down.
+    """Simulate free vibrations at every normal force, with their ring-down.
 
     Parameters
     ----------
-    table : ``[snapback]`` of the model file.
-    model : the beam.
-    load, duration : N and s in place of those of the table.
-    forces : normal forces in N of all joints; without any, those of the model.
-    reference : integrate from event to event (Masing-type laws), with an error estimate.
-    progress : called while it is computed.
+    table : SnapbackTable
+        ``[snapback]`` of the model file.
+    model : BeamModel
+        The beam with its joints.
+    load, duration : float or None
+        Load [N] and time [s] in place of those of the table.
+    forces : sequence of float or None
+        Normal forces [N] of all joints; None for those of the model.
+    reference : bool
+        Whether to integrate from event to event (Masing-type laws), with an error estimate.
+    progress : Progress
+        Called while it is computed.
+
+    Returns
+    -------
+    Job
+        Responses, ring-downs, pictures, and one row for every normal force.
     """
     outputs = [table.at, *(dof for dof in table.outputs if dof != table.at)]
     release = (
@@ -184,15 +195,26 @@ def frf(
     normal: Sequence[float] | None,
     progress: Progress,
 ) -> Job:
-    """Steady states over the band at every force level and normal force; no frequency where no peak is in the band.
+    """Simulate steady states over the band at every force level and normal force.
 
     Parameters
     ----------
-    table : ``[frf]`` of the model file.
-    model : the beam.
-    force : force amplitudes in N in place of those of the table.
-    normal : normal forces in N of all joints; without any, those of the model.
-    progress : called while it is computed.
+    table : FrfTable
+        ``[frf]`` of the model file.
+    model : BeamModel
+        The beam with its joints.
+    force : sequence of float or None
+        Force amplitudes [N] in place of those of the table.
+    normal : sequence of float or None
+        Normal forces [N] of all joints; None for those of the model.
+    progress : Progress
+        Called while it is computed.
+
+    Returns
+    -------
+    Job
+        Steady states, their picture, and one row for every level and normal force: frequency, damping and amplitude of
+        the peak, NaN where the band has none.
     """
     from ema.simulate.harmonic import condense
     from ema.simulate.maps import check_band, peak_in_band
@@ -239,14 +261,23 @@ def damping_map(
     normal: Sequence[float] | None,
     progress: Progress,
 ) -> Job:
-    """Map of one resonance, with the best normal force of every level.
+    """Simulate the map of one resonance, with the best normal force of every level.
 
     Parameters
     ----------
-    table : ``[map]`` of the model file.
-    model : the beam.
-    force, normal : force amplitudes and normal forces in N in place of those of the table.
-    progress : called while it is computed.
+    table : MapTable
+        ``[map]`` of the model file.
+    model : BeamModel
+        The beam with its joints.
+    force, normal : sequence of float or None
+        Force amplitudes and normal forces [N] in place of those of the table.
+    progress : Progress
+        Called while it is computed.
+
+    Returns
+    -------
+    Job
+        The map, its two pictures, and one row for every level.
     """
     chart = simulate.damping_map(
         model,

@@ -142,11 +142,18 @@ def load(path: str | Path) -> JointFile:
 
     Parameters
     ----------
-    path : the file, or the folder that holds it.
+    path : str or Path
+        The file, or the folder that holds it.
+
+    Returns
+    -------
+    JointFile
+        Content of the file, checked.
 
     Raises
     ------
-    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    InputError
+        There is no such file, it is no TOML, or a key is unknown, missing or wrong; the message names its line.
     """
     statements = KIND.load(path)
     warn(statements.former_names)

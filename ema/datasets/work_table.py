@@ -143,7 +143,18 @@ JOINT_NODES = (101, 102)
 
 
 def grid() -> dict[int, tuple[float, float]]:
-    """Measured points 1 ... 80 in m: ten columns along the table, eight rows across, along the table first."""
+    """Return the measured points: ten columns along the table, eight rows across, numbered along the table first.
+
+    Returns
+    -------
+    dict of int to tuple of (float, float)
+        Coordinates (x, y) [m] of the points 1 ... 80.
+
+    Examples
+    --------
+    >>> grid()[1], len(grid())
+    ((0.0, 0.0), 80)
+    """
     y, x = np.meshgrid(np.linspace(0, WIDTH, ROWS), np.linspace(0, LENGTH, COLUMNS), indexing="ij")
     return {k + 1: (float(a), float(b)) for k, (a, b) in enumerate(zip(x.ravel(), y.ravel(), strict=True))}
 

@@ -25,8 +25,8 @@ systems (3 to 10 modes, noise 0.1 to 5 %) stay the same.
 
 
 _PARTS_OF_TONE = 0.03
-"""Reach over the mains frequency up to which a pole beside a multiple is a part of the tone: a mode lies there by
-chance once in 16."""
+"""Reach over the mains frequency up to which a pole beside a multiple is a part of the tone: within it a mode lies by
+chance once in 16, beyond it a mode would be taken for a part of the tone more often, and poles there stay modes."""
 
 
 @dataclass(frozen=True)

@@ -21,20 +21,34 @@ class Candidates:
     persistence: Float[np.ndarray, "cluster"]
 
     def keep(self, rows: Bool[np.ndarray, "cluster"]) -> "Candidates":
-        """Some of the clusters, in their order.
+        """Return some of the clusters, in their order.
 
         Parameters
         ----------
-        rows : which.
+        rows : boolean array of shape (cluster,)
+            Which clusters are kept.
+
+        Returns
+        -------
+        Candidates
+            Those of the clusters where ``rows`` is true.
         """
         return Candidates(self.poles[rows], self.participation[:, rows], self.persistence[rows])
 
     def joined(self, other: "Candidates") -> "Candidates":
-        """Both, without those of ``other`` that lie within half a decay rate (the larger of both) of one of these.
+        """Return both sets, without those of ``other`` that lie near one of these.
+
+        Near is half a decay rate, the larger of the two: a quarter of the half-power bandwidth.
 
         Parameters
         ----------
-        other : clusters behind these, of the same references.
+        other : Candidates
+            Clusters to be appended, of the same references.
+
+        Returns
+        -------
+        Candidates
+            These clusters, then the new ones of ``other``.
         """
         distance = np.abs(other.poles[:, None] - self.poles[None, :])
         reach = np.maximum(np.abs(other.poles.real)[:, None], np.abs(self.poles.real)[None, :])

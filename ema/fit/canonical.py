@@ -30,10 +30,11 @@ grid."""
 _FINEST = -50
 """Exponent of two of the finest grid, over the largest value: doubles have four binary digits more."""
 _DIGITS = 24
-"""Binary digits of variances."""
+"""Binary digits of variances, 6e-8 of each: far finer than any variance is known, and coarse enough that the same
+variance stated in other units is rounded to the same number."""
 _POOLED = 25
 """Lines over which the logarithm of the variance is averaged before its range is taken: one from five averages scatters
-by 0.5."""
+by 0.5, the mean of 25 by 0.1."""
 _KINDS: tuple[FrfQuantity, ...] = ("receptance", "mobility", "accelerance")
 
 

@@ -24,13 +24,17 @@ from ema.fit.range_finder import Range, growing
 from ema.progress import Progress, advance, silent
 
 _AT_ONCE = 48_000_000
-"""Bytes of the values of a slab: half a dozen arrays of this size are held at a time."""
+"""Bytes of the values of a slab: half a dozen arrays of this size are in memory at a time, 0.3 GB. Memory alone, values
+depend on it by rounding."""
 _CHANNELS = 128
-"""Directions that are looked for at first; two passes more for twice as many where all of these stand out of noise."""
+"""Directions that are looked for at first; two passes more for twice as many where all of these stand out of noise. It
+costs passes where it is too small and memory where it is too large, and changes no result."""
 _FEWEST = 24
-"""Channels that are always kept, as in the search of modes."""
+"""Channels that are always kept, as in the search of modes (`ema.fit.estimator.FEWEST`, where it was varied)."""
 _MARGIN = 1.1
-"""Energy over the edge of that of noise from which on a direction is kept."""
+"""Energy over the edge of that of noise from which on a direction is kept: the level of noise is known to a few per
+cent. Below it, directions of noise would be kept, which cost work alone: their noise counts as large as they are. Above
+it, a direction that is left out takes a tenth of the noise with it at most."""
 _UNLIKE = 1.1
 """Noise of a channel at its own peaks over that of all outputs there, or the reverse, from which on each channel gets
 its own: weights that differ by less than a factor of 1.1 raise a standard deviation by 0.1 % at most (Kantorovich's

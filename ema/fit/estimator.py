@@ -34,7 +34,8 @@ FEWEST = 24
 """Directions of outputs that are always kept in the search: more cost next to nothing against the functions. With 12
 values of 14 random systems move by 0.4 standard deviations at most, with 48 not at all."""
 NARROWEST = 0.3
-"""Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping."""
+"""Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping. A pole
+at the bound keeps it, unless the lines do tell (`NARROWER`)."""
 SPIKE = 0.01
 """The same for poles that are narrower than that from the start, and for those that the lines do tell (`NARROWER`): of
 lines without noise even these are told.
@@ -93,7 +94,8 @@ DOUBT = 2.0
 At 1 and at 4 the modes of 14 random systems stay the same, and values move by up to one stated standard deviation.
 """
 FARTHEST = 0.7
-"""Step of a pole, over its decay rate or its distance from the lines, beyond which the linearisation says nothing."""
+"""Step of a pole, over its decay rate or its distance from the lines, beyond which the linearisation says nothing: a
+safeguard. A longer step is shortened to it, and at 1 a decay rate could reach zero in one step."""
 SLOWEST = 0.1
 """Imaginary part of a pole over its modulus below which none is followed: on the real axis the functions of a pole and
 of its conjugate are one. Damping ratios end at 0.995."""
@@ -101,13 +103,15 @@ NEARBY = 0.02
 """Step of a pole over its natural unit, or of an entry of the participation, up to which the matrices of the fit before
 serve for the one after. The error that a step leaves is then the fiftieth part of the one before it."""
 _ROUNDED = 1e-12
-"""Rounding of the cost, over its value."""
+"""Rounding of the cost, over its value: a step that raises it by less counts as one that does not. Far above what
+doubles make of such sums, and far below what any step of interest gains."""
 _CANCELLED = 1e-6
-"""Part of the cost at the start below which the cost at the optimum, a difference, is computed again from there."""
+"""Part of the cost at the start below which the cost at the optimum, a difference, is computed again from there: ten
+digits of the difference are left at this part, fewer below it."""
 _BLOCK = 2_000_000
-"""Products of functions that are worked on at a time."""
+"""Products of functions that are worked on at a time: memory alone, values depend on it by rounding."""
 VALUES = 400_000
-"""Values of the FRFs that are worked on at a time."""
+"""Values of the FRFs that are worked on at a time: memory alone, values depend on it by rounding."""
 
 
 @dataclass

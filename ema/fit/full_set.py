@@ -30,9 +30,9 @@ _LEFT = 0.01
 hundredth changes no interval that anyone reads; half of it would ask for a pass more where steps are 30 % shorter."""
 _COMPLETE = 1.1
 """Energy that the channels leave out over that of noise, from which on it may be more than noise: the level of noise is
-known to some per cent."""
+known to some per cent. Above it a warning says so; no value depends on it."""
 _PASSES = 3
-"""Such passes at most."""
+"""Such passes at most: a bound on the work, for each reads the whole set."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from ema.fit.compression import SAMPLE
 from ema.fit.estimator import Fit, Observations
 
 _LONGEST = 60
-"""Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them."""
+"""Lines over which errors of FRFs are followed: local models and windows correlate a few tens of them. It ends earlier
+where the correlation falls below chance, and correlation beyond it counts as none."""
 _CHANCE = 2.5
 """Autocorrelation times the root of the number of values up to which a residual is taken for white: 3.5 standard
 deviations (Bartlett 1946, of real parts), once in 4000."""

@@ -45,9 +45,10 @@ _MORE_POLES = 1.5
 """Poles of corrected FRFs over those as they were from which on a correction is none. FRFs averaged over 3 to 9 lines
 took 0.4 to 0.6 times as many, those of a local model over nine, whose noise is that of an average, 5 to 6 times."""
 _SEARCHES = 6
-"""How often the residual of an optimum is searched for further poles: a strong one may hide another one."""
+"""How often the residual of an optimum is searched for further poles: a strong one may hide another one. A bound on the
+work: it ends before where a search finds nothing."""
 _NAMED = 10
-"""Poles left out of the fit that are named one by one."""
+"""Poles left out of the fit that are named one by one; the others are counted. No value depends on it."""
 
 
 def modes(

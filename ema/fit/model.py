@@ -29,7 +29,7 @@ The six terms of an ordinary band are all kept, at half the value and at twice.
 """
 
 _IN_CACHE = 16_000
-"""Values that are worked on at a time."""
+"""Values that are worked on at a time, 256 kB of complex numbers: speed alone, no value depends on it."""
 
 
 @dataclass(frozen=True)

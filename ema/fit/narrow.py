@@ -11,7 +11,8 @@ from ema.fit.line_correlation import LineCorrelation
 from ema.fit.policy import POLICY
 
 _WIDTHS = (1, 3, 9, 27)
-"""Lines over which the energy of the residual is added up; the bins of the selection resolve what is wider."""
+"""Lines over which the energy of the residual is added up; the bins of the selection resolve what is wider. In steps of
+three, a peak is at most 1.7 times as wide, or as narrow, as one of them."""
 _PROMINENT = 4.0
 """Energy of the residual within such a width, in standard deviations of what noise gives, from which on a peak is
 fitted there. It only saves time: what a mode has to explain corresponds to more in a single FRF, and to as much in a
@@ -19,17 +20,18 @@ few hundred."""
 _MOST = 16
 """Places that are tried in one turn, the most prominent first: a bound on the work."""
 _AROUND = 4
-"""Widths on each side of such a place whose lines are fitted."""
+"""Widths on each side of such a place whose lines are fitted: the flanks of the peak. More would cost work."""
 _BESIDE = 3.0
 """Lines on each side of a pole narrower than a line whose residual is its own: a peak may be narrower than a pole."""
 _NARROW, _CAUTION = 3.0, 2.0
-"""Bandwidth in lines below which a pole on another one's peak must explain more, and how much more."""
+"""Bandwidth in lines below which a pole on another one's peak must explain more, and how much more. There noise is
+largest, and the few lines of the peak tell it badly."""
 _FEW, _REACH = 10.0, 3.0
 """Lines within the bandwidth of a peak that are few, and decay rates from its pole that are on it: with noise in
 proportion to the FRF, four fifths of what the peak makes of noise lie there (2/pi arctan 3)."""
 _SAME = 0.9
 """MAC of two shapes, and of two participation vectors, from which on both poles may be of one mode, as elsewhere in the
-search."""
+search: of two random real shapes over six outputs 0.1 % have as much (beta distribution)."""
 TONE = "it lives in one frequency line and its neighbours"
 """Why a tone is left out."""
 _FLANK = 4.0

@@ -160,7 +160,8 @@ def structure(
 
 
 _CELLS = 120
-"""Cells of the size of an FRF over its mean, a quarter of an octave each, from 20 octaves below to 10 above it."""
+"""Cells of the size of an FRF over its mean, a quarter of an octave of power (0.75 dB) each, from 20 octaves below to
+10 above it; what lies beyond counts for the last cell."""
 
 
 def _cells(model: Float[np.ndarray, "out in freq"]) -> Int[np.ndarray, "out in freq"]:

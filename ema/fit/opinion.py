@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONFIDENCE = 0.95
-"""Probability with which no mode is called different when two sound estimators see the same noise."""
+"""Probability with which no mode is called different when two sound estimators see the same noise: the usual 95 %, for
+all modes and both values together (Bonferroni)."""
 _ALIKE = 0.5
 """MAC below which modes of the two estimators are not paired. Both see the same FRFs, so that shapes of one mode differ
 by noise alone; its unit tests pass at 0.25."""

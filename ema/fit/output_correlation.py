@@ -13,10 +13,11 @@ from ema.fit.policy import passes_for_mode
 from ema.fit.prepare import Prepared
 
 _LAGS = 20
-"""Distances of lines over which products of residuals are averaged: over as many the shape that noise gives the
-outputs stays much the same."""
+"""Distances of lines over which products of residuals are averaged: over as many the shape that noise gives the outputs
+stays much the same. Fewer make the average less sure, more mix shapes."""
 _CHANCE = 5.0
-"""Standard deviations of the mean square of the correlations up to which outputs err independently."""
+"""Standard deviations of the mean square of the correlations up to which outputs err independently: chance exceeds them
+once in 3 million (normal approximation). Beyond, noise counts as that of fewer outputs."""
 
 
 def mean_square(data: Observations, fit: Fit) -> float:

@@ -38,9 +38,10 @@ _WHOLE = (0.9, 1.05)
 for a taper spreads the beginning of strong vibrations: 0.96 to 0.98 of the density was seen (500 to 3200 lines). At
 most a tenth of the noise is lost, and errors of lines count for too many by a twentieth at most."""
 _ATTENUATION = 80.0
-"""dB by which the sinc function suppresses what sampling would fold back."""
+"""dB by which the sinc function suppresses what sampling would fold back: to 1e-4 of its amplitude. A higher value
+needs more of the band for the length of the function (Kaiser's formula, Oppenheim and Schafer 1989)."""
 _LOBE = 2
-"""Lines to either side over which the Hann taper spreads an instant."""
+"""Lines to either side over which the Hann taper spreads an instant: half of its main lobe (Harris 1978)."""
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,8 @@ REACH = 20.0
 RATIOS = (1.0, 4.0, 11.0)
 """Decay rates of the growing vibration over that of the mode: no drop of the force at resonance, 12 dB, 21 dB."""
 CHANCE = 1e-8
-"""Probability that noise alone has such a shape, for each mode and function."""
+"""Probability that noise alone has such a shape, for each mode and function: among a thousand modes with four functions
+each, once in 25,000 times."""
 HEIGHT = 3.0
 """Error of the damping ratio over the part of the peak that is not causal: of linear structures with 10 dB to 21 dB of
 force drop, leaning by 0.1 to 3 half-power bandwidths, and with noise in the force, 1 to 5."""
@@ -46,7 +47,8 @@ MATTERS = 3.0
 """Error of the damping ratio that a residual amounts to, in stated standard deviations, from which on it is named.
 Under independent noise whatever passes `CHANCE` is larger; FRFs of a local model have residuals of one deviation."""
 SPREAD = 3.0
-"""The same for a spread of poles, whose error is known better."""
+"""The same for a spread of poles, whose error is known better: it is the shift of the pole itself, without a factor
+like `HEIGHT`."""
 LEANS = 2.0
 """Imaginary over real part of the factor from which on the frequency depends on the amplitude: it decides between
 `leaning` and `feedback`, not whether the peak is named."""
@@ -61,9 +63,11 @@ AVERAGED = 0.5
 below which lines were averaged: 1 for independent lines, 0.2 for the mean of three, above 1 for windows."""
 
 SAME_SHAPE = 0.8
-"""MAC of the residues of a pole and a mode from which on they have one shape."""
+"""MAC of the residues of a pole and a mode from which on they have one shape: of two random real shapes over three FRFs
+11 % have as much, over six 0.7 % (beta distribution). Nearness of the poles is asked for as well."""
 FEWEST_FRFS = 3
-"""FRFs from which on a shape says something."""
+"""FRFs from which on a shape says something: of two random real shapes over two FRFs 30 % have the MAC of
+`SAME_SHAPE`."""
 
 Kind = Literal["leaning", "feedback", "spread", "averaged", "in parts"]
 

@@ -17,7 +17,7 @@ from ema.fit.search import MISFIT
 from ema.fit.selection import BEYOND, Dropped, Selection, compressed
 
 _AT_ONCE = 400_000
-"""Values that are worked on at a time."""
+"""Values that are worked on at a time: memory alone, values depend on it by rounding."""
 _ROUNDS = 5
 """Optima at which the poles are judged again, at most: a bound on the work. With 2 the modes of 14 random systems stay
 the same."""
@@ -25,7 +25,8 @@ _ITERATIONS, _CONVERGED, LOOSE = 25, 1e-13, 1e-4
 """Steps to the optimum at most, what they may still promise for each unknown in units of the noise (a millionth of a
 standard deviation), and the information that holds the unknowns in their place (`estimator.refine`)."""
 _UNKNOWN = 1e12
-"""Variance over what the weights say of a value that the data do not determine: far beyond any prior."""
+"""Variance over what the weights say of a value that the data do not determine: a million standard deviations, far
+beyond any prior, which is then what is known of it."""
 _TRIED = 6
 """Poles that are left out in turn, to see whether the others do without them: a bound on the work, the least determined
 first. With 3 and with 12 the modes of 14 random systems stay the same."""

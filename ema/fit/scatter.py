@@ -11,14 +11,17 @@ from ema.fit import estimator
 from ema.fit.estimator import Fit, Observations
 
 _CHANCE = 5e-3
-"""Probability that noise alone passes for scatter."""
+"""Probability that noise alone passes for scatter, for each kind of it: once in 200 tests intervals grow without
+need."""
 _LARGEST_SHARE = 0.8
-"""Share in the information of a pole that counts at most: the other outputs have to tell something to compare with."""
+"""Share in the information of a pole that counts at most: the other outputs have to tell something to compare with. It
+is a safeguard where one output tells nearly all: its own pull is divided by what the others leave."""
 _GROUPS = 16
 """Groups of lines, each over the whole band. Their scatter has as many degrees of freedom: with 8 stated standard
 deviations of 14 random systems change by up to 82 %, with 32 by up to 20 %, at the same values."""
 _LEVELS = 60
-"""Levels of scatter that are tried, from a tenth of the smallest noise to all that is seen."""
+"""Levels of scatter that are tried, from a tenth of the smallest noise to all that is seen. Over six decades they are a
+factor of 1.26 apart, 12 % in standard deviation."""
 _PRIOR = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 64.0])
 """Degrees of freedom tried for how alike the modes scatter: 1 hardly, 64 all the same."""
 

@@ -27,9 +27,11 @@ _AT_ONCE = 6
 """Modes added in one round at most: with 3 and with 12 the modes of 14 random systems stay the same."""
 
 _WORTHWHILE = 0.1
-"""Progress of a round, in units of what a mode has to gain, that is worth another one."""
+"""Progress of a round, in units of what a mode has to gain, that is worth another one: a safeguard against rounds that
+go on for less than noise makes."""
 _WITHIN_REACH = 4.0
-"""Loss by a pole left out, in the same units, that further steps may still make good."""
+"""Loss by a pole left out, in the same units, that further steps may still make good: above it the pole is needed and
+stays without more steps, below it the rest of the fit adapts before it is judged."""
 _ON_THE_WAY = 2.0
 """Poles without a peak, over those that the end result may have, with which the search goes on while the residual is
 noise (`MISFIT`): several at once stand for one mode until another one takes their place. With 1 it ended before that in
@@ -54,12 +56,14 @@ _CHANCE = 0.01
 half and at twice the value the modes of 14 random systems stay the same; values move by up to 0.8 standard
 deviations."""
 _TRIED = 200
-"""Trial poles in one search: the best of so many explains by chance what a single one hardly ever does."""
+"""Trial poles in one search: the best of so many explains by chance what a single one hardly ever does (Bonferroni).
+The true number depends on band and spacing; neighbours are not independent."""
 _WEAK = 6
-"""Weak resonances that are added in one search at most; each search (`modal._SEARCHES`) may add as many again."""
+"""Weak resonances that are added in one search at most; each search (`modal._SEARCHES`) may add as many again. A bound
+on the work."""
 _AGAIN = 24
 """Trial poles, the best on compressed data, that are judged again with the noise of every line of every FRF: what
-stands out there in a few FRFs that are small is hardly seen in the average."""
+stands out there in a few FRFs that are small is hardly seen in the average. A bound on the work."""
 
 
 def search(data: Observations, fit: Fit, band: tuple[float, float], rounds: int) -> Fit:

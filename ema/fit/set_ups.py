@@ -34,11 +34,14 @@ WIDEST = 0.03
 """Largest relative shift between two set-ups within which modes are matched: a change of 20 K moves steel by 0.4 %, and
 sensors of 1 % of a modal mass a mode by 0.5 %."""
 ALIKE = 0.01
-"""Relative shift that weighs as much in the matching as participation vectors that have nothing in common."""
+"""Relative shift that weighs as much in the matching as participation vectors that have nothing in common: a third of
+the reach, so that a mode farther away is preferred only where the near one has another vector."""
 CHANCE = 1e-3
-"""Probability that noise alone makes the frequencies of set-ups look different."""
+"""Probability that noise alone makes the frequencies of set-ups look different, for all modes and set-ups of a test
+together. Above it the set-ups are fitted as one."""
 SAME = 0.9
-"""MAC of the participation of a mode in one set-up with that in all of them, from which on it is the same mode."""
+"""MAC of the participation of a mode in one set-up with that in all of them, from which on it is the same mode: below
+it, as in a group whose members can be chosen in many ways, the residues stay as they are."""
 AGREEMENT = 0.002
 """Relative difference (one width of a Gaussian weight) within which modes agree on a common shift of two set-ups; modes
 of the aligned FRFs within it take over the scatter between the set-ups."""

@@ -46,8 +46,11 @@ def solved(matrix, columns):
 
 @compiled(error_model="numpy")
 def respond(omega, load, structure, contact, x, z, m, q, p):
-    """Displacement of the excited DOF and of the output, the modal amplitudes ``q``, and the forces ``p`` of the normal
-    springs; NaN where unsolved.
+    """Solve the structure at the angular frequency ``omega`` under a harmonic force of amplitude ``load`` [N].
+
+    Returns the displacements [m] of the excited DOF and of the output, NaN where unsolved; ``q`` (mode,) becomes the
+    modal amplitudes and ``p`` (spring,) the forces of the normal springs. ``x`` (row, joint), ``z`` and ``m`` are work
+    arrays as for ``slips``.
 
     ``structure``: squares, decay, loss (mode,), ``rows`` (contact, mode), ``ends`` (2, mode): excited DOF, output;
     ``springs`` (spring, mode), flexibilities (spring,), number of the host's modes, which come first. ``contact``: k_T,

@@ -43,18 +43,33 @@ def place(
 
     Parameters
     ----------
-    recipe : beam, candidates, target modes, objective and forces.
-    bare : mass-normalised modes without the beam, at the points of ``geometry``.
-    geometry : points at which the beam may stand, in m.
-    verdict : of the joint model against a measurement, where there is one.
-    anyway : place with a model that does not agree; the placement then carries a warning for the first line.
-    executor, kept : see ``ema.place.search``.
-    progress : called after each step with what it is.
+    recipe : PlaceRecipe
+        Beam, candidates, target modes, objective and forces.
+    bare : ModalModel
+        Mass-normalised modes without the beam, at the points of ``geometry``.
+    geometry : Geometry
+        Points at which the beam may stand, in m.
+    verdict : Verdict, optional
+        Of the joint model against a measurement, where there is one.
+    anyway : bool, default False
+        Place with a model that does not agree; the placement then carries a warning for the first line.
+    executor : Executor, optional
+        Runs the checks of the search, the forecast and the tests; by default they run in this process.
+    kept : KeptPlaces, optional
+        Where every finished check is kept and, when resuming, taken from.
+    progress : Progress, optional
+        Called after each step with what it is.
+
+    Returns
+    -------
+    Placement
+        Ranking of the places, forecast and next tests at the best ones, and findings.
 
     Raises
     ------
-    InputError : the model does not agree, the modes were measured with a beam, no such target mode; and what
-        ``ema.place.search`` raises.
+    InputError
+        The model does not agree, the modes were measured with a beam, there is no such target mode, no place was found;
+        or as :func:`ema.place.search`.
     """
     where = bare.name or "bare structure"
     _refuse_unsuitable(bare, None if anyway else verdict, where)

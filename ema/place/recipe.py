@@ -308,10 +308,17 @@ def load(path: Path) -> PlaceRecipe:
 
     Parameters
     ----------
-    path : the TOML file; paths in it are relative to its folder.
+    path : Path
+        The TOML file; paths in it are relative to its folder.
+
+    Returns
+    -------
+    PlaceRecipe
+        Content of the file, checked.
 
     Raises
     ------
-    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    InputError
+        There is no such file, it is no TOML, or a key is unknown, missing or wrong; the message names its line.
     """
     return KIND.load(path)

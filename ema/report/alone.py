@@ -36,17 +36,24 @@ Group = tuple[list[str], list[Block]]
 
 
 def document_of(content: Any, book: Book) -> Document:
-    """The report of a study, a placement, or results of comparisons and simulations.
+    """Compose the report of a study, a placement, or results of comparisons and simulations.
 
     Parameters
     ----------
-    content : a ``StudyResult``, a ``Placement``, another result, or a mapping of results by name; of a mapping with a
-        single study or placement the report is the study's or the placement's.
-    book : language, pictures and tables of the report.
+    content : StudyResult, Placement, other result, or mapping of str to result
+        Results by name; of a mapping with a single study or placement the report is the study's or the placement's.
+    book : Book
+        Numbers the pictures and tables of the report.
+
+    Returns
+    -------
+    Document
+        Title, chapters and front page, ready to be written in any format.
 
     Raises
     ------
-    InputError : nothing of it can be reported.
+    InputError
+        Nothing of it can be reported.
     """
     if isinstance(content, StudyResult):
         return compose(content, book)

@@ -51,7 +51,20 @@ def amplitude_sentences(modes: Sequence[AmplitudeDependentMode]) -> list[str]:
 
 
 def amplitude_modes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
-    """Frequency and damping over the amplitude, with what the intervals contain."""
+    """Report frequency and damping over the amplitude, with what the intervals contain.
+
+    Parameters
+    ----------
+    modes : sequence of AmplitudeDependentMode
+        Modes of ring-downs and of stepped levels, in any order.
+    book : Book
+        Numbers the pictures and tables.
+
+    Returns
+    -------
+    list of Block
+        Those of the ring-downs, then those of the stepped levels; none without modes.
+    """
     stepped = [mode for mode in modes if not _small(mode)]
     ringing = [mode for mode in modes if _small(mode)]
     blocks: list[Block] = []

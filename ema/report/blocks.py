@@ -73,7 +73,18 @@ class Table:
     kind: str = "table"
 
     def is_number(self, cell: Cell) -> bool:
-        """Whether the cell must not be broken over lines."""
+        """Tell whether a cell is a number, which must not be broken over lines.
+
+        Parameters
+        ----------
+        cell : Cell
+            A cell of a row: a text, or a number.
+
+        Returns
+        -------
+        bool
+            True unless it is a text.
+        """
         return not isinstance(cell, str)
 
 

@@ -59,7 +59,20 @@ def _sentence(decay: Decay, number: int) -> str:
 
 
 def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
-    """Frequency and damping over the amplitude, and a table of the phases."""
+    """Report frequency and damping of ring-downs over the amplitude, with a table of the phases.
+
+    Parameters
+    ----------
+    decays : sequence of Decay
+        Ring-downs; a picture shows at most six.
+    book : Book
+        Numbers the pictures and tables.
+
+    Returns
+    -------
+    list of Block
+        Pictures, the table of phases, and the table of the curves.
+    """
     blocks: list[Block] = []
     for start in range(0, len(decays), _TOGETHER):
         shown = decays[start : start + _TOGETHER]

@@ -24,7 +24,20 @@ def _missing(sentence: str) -> list[Block]:
 
 
 def stabilisation(run: RunResult, book: Book) -> list[Block]:
-    """The stabilisation diagram over the complex mode indicator functions."""
+    """Report the stabilisation diagram over the complex mode indicator functions.
+
+    Parameters
+    ----------
+    run : RunResult
+        Run with its modes, poles and FRFs.
+    book : Book
+        Numbers the pictures and tables.
+
+    Returns
+    -------
+    list of Block
+        The picture; a sentence where the modes were not found through model orders.
+    """
     poles, name = run.poles, run.run.id
     if poles is None:
         return _missing(text("There is no stabilisation diagram: the modes were not found through model orders."))
@@ -56,7 +69,20 @@ def stabilisation(run: RunResult, book: Book) -> list[Block]:
 
 
 def reconstruction(run: RunResult, book: Book) -> list[Block]:
-    """Measured FRFs against those of the modal model, and the error of each."""
+    """Compare measured FRFs with those of the modal model, and report the error of each.
+
+    Parameters
+    ----------
+    run : RunResult
+        Run with its modes, measured and synthesised FRFs.
+    book : Book
+        Numbers the pictures and tables.
+
+    Returns
+    -------
+    list of Block
+        Two pictures and the table of errors; a sentence where nothing was synthesised.
+    """
     error = None if run.reconstruction_error is None else np.asarray(run.reconstruction_error)
     if run.reconstruction is None or error is None or not np.isfinite(error).any():
         return _missing(text("No FRFs of the modal model were computed that could be compared with the measured ones."))
@@ -122,7 +148,20 @@ def _chosen_frfs(run: RunResult, error: np.ndarray) -> tuple[list[tuple[int, int
 
 
 def auto_mac(run: RunResult, book: Book) -> list[Block]:
-    """MAC of the modes among themselves."""
+    """Report the MAC of the modes among themselves.
+
+    Parameters
+    ----------
+    run : RunResult
+        Run with its modes.
+    book : Book
+        Numbers the pictures and tables.
+
+    Returns
+    -------
+    list of Block
+        The picture; none with fewer than two modes.
+    """
     modes, name = run.modes, run.run.id
     if len(modes.poles) < 2:
         return []
@@ -155,7 +194,22 @@ def _named(page: range) -> str:
 
 
 def shapes(run: RunResult, geometry: Geometry | None, book: Book) -> list[Block]:
-    """Mode shapes in space, or over the DOFs where there is no geometry."""
+    """Draw the mode shapes in space, or over the DOFs where there is no geometry.
+
+    Parameters
+    ----------
+    run : RunResult
+        Run with its modes.
+    geometry : Geometry or None
+        Points of the structure.
+    book : Book
+        Numbers the pictures and tables.
+
+    Returns
+    -------
+    list of Block
+        Animation and pictures; sentences that say what could not be drawn.
+    """
     modes, name = run.modes, run.run.id
     if not len(modes.poles):
         return _missing(text("No mode was found, so there is no shape to draw."))
@@ -193,7 +247,20 @@ def shapes(run: RunResult, geometry: Geometry | None, book: Book) -> list[Block]
 
 
 def complexity(run: RunResult, book: Book) -> list[Block]:
-    """How far the shapes are from moving in phase."""
+    """Draw how far the shapes are from moving in phase.
+
+    Parameters
+    ----------
+    run : RunResult
+        Run with its modes.
+    book : Book
+        Numbers the pictures and tables.
+
+    Returns
+    -------
+    list of Block
+        Pictures with some modes each; none without modes.
+    """
     return [
         book.picture(
             show.complexity(run.modes, page),

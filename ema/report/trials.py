@@ -9,7 +9,24 @@ from ema.report.numbers import plain
 
 
 def proposal(offered: Trials) -> str:
-    """One sentence: the test that narrows the bands of the damping ratio most per hour."""
+    """Name the test that narrows the bands of the damping ratio most per hour.
+
+    Parameters
+    ----------
+    offered : Trials
+        Tests on offer, with the widths of the bands that each would leave.
+
+    Returns
+    -------
+    str
+        One sentence, in the language of the report; another one where no test narrows the bands.
+
+    Examples
+    --------
+    >>> from ema.examples import trials
+    >>> proposal(trials()).startswith("Next best test:")
+    True
+    """
     gain = offered.narrowing
     if not np.any(gain > 0):
         return text("No test on offer narrows the bands of the damping ratio.")

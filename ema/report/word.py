@@ -19,11 +19,24 @@ _UNDATED = datetime(2000, 1, 1, tzinfo=UTC)
 
 
 def word(document: Document, tables: str) -> bytes:
-    """The report as the bytes of a .docx file.
+    """Write the report as a Word document.
+
+    Parameters
+    ----------
+    document : Document
+        Report with its chapters.
+    tables : str
+        Name of the folder with the CSV files, for the sentences that point to it.
+
+    Returns
+    -------
+    bytes
+        Content of a .docx file.
 
     Raises
     ------
-    MissingExtraError : python-docx is not installed.
+    MissingExtraError
+        python-docx is not installed.
     """
     require("docx", "office")
     writer = _Writer(document.title, tables)
@@ -88,6 +101,7 @@ class _Writer:
         style.element.get_or_add_rPr().append(mark)
 
     def content(self) -> bytes:
+        """Bytes of the finished file."""
         target = BytesIO()
         self._file.save(target)
         return target.getvalue()
@@ -121,14 +135,17 @@ class _Writer:
             self._table(document.expectations)
 
     def heading(self, text: str, level: int, new_page: bool = False) -> None:
+        """Append a heading, on a new page where that is wanted."""
         heading = self._file.add_heading(printable(text), level)
         heading.paragraph_format.page_break_before = new_page
 
     def section(self, section: Section, level: int) -> None:
+        """Append a section under a heading of this level."""
         self.heading(section.title, level)
         self.blocks(section.blocks)
 
     def blocks(self, blocks: list[Block]) -> None:
+        """Append texts, pictures and tables; animations have no place on paper and are left out."""
         for block in blocks:
             if isinstance(block, Table):
                 self._table(block)
@@ -138,6 +155,7 @@ class _Writer:
                 self.paragraph(block.text, italic=block.missing, colour=_SOFT if block.missing else "")
 
     def paragraph(self, text: str, size: float = 0, colour: str = "", bold: bool = False, italic: bool = False) -> Any:
+        """Append a paragraph, with size in pt and colour as six hexadecimal digits, and return it."""
         paragraph = self._file.add_paragraph()
         self._run(paragraph, text, size, colour, bold, italic)
         return paragraph

@@ -27,7 +27,10 @@ springs stick and slip in turns without end. Larger ones carry energy that nothi
 
 @fast_with_arrays
 def motion(wave, beat, t):
-    """Displacements and velocities (rows X, V) at time t after the start of a phase."""
+    """Write displacements and velocities, ``t`` after the start of a phase, into the rows X and V of ``wave``.
+
+    ``wave`` (row, mode): the work array of the phase; ``beat``: decay of its modes, and angular frequency of the force.
+    """
     fade = np.exp(-beat[0] * t)
     for r in range(wave.shape[1]):
         cosine, sine = fade * np.cos(wave[OMEGA, r] * t), fade * np.sin(wave[OMEGA, r] * t)

@@ -30,15 +30,15 @@ def reach(amplitudes):
 def contact_forces(amplitudes, period, contact, springs, smooth, bristles, derive):
     """Deviations G (contact, 2 H), Jacobian (contact, member, 2 H, 2 H), losses per period, who slips.
 
-    Without ``derive`` the Jacobian is not made.
+    ``amplitudes`` (contact, 2 H): cosine and sine amplitudes of the relative displacements; ``derive``: whether the
+    Jacobian is made.
 
-    period: odd orders, first and second derivative (2, contact, sample) of the motions over half a period with both
-    ends, to find the turning points, a factor on the number of nodes, angular frequency. contact: stiffnesses, slip
+    ``period``: odd orders, first and second derivative (2, contact, sample) of the motions over half a period with both
+    ends, to find the turning points, a factor on the number of nodes, angular frequency. ``contact``: stiffnesses, slip
     forces, and members (contact, member), the contacts on whose motion the force of a contact depends, itself first,
-    then -1. springs: as ``ContactLaws.springs`` gives them. smooth: what ``ContactLaws.one_by_one`` gives. bristles:
-    whether a contact has LuGre's law, and the parameters of all. Either is None where no contact asks for it, and its
-    quadrature is then not
-    compiled.
+    then -1. ``springs``: as ``ContactLaws.springs`` gives them. ``smooth``: what ``ContactLaws.one_by_one`` gives.
+    ``bristles``: whether a contact has LuGre's law, and the parameters of all. Either is None where no contact asks for
+    it, and its quadrature is then not compiled.
     """
     (orders, samples, fine, omega), (stiffness, limits, members) = period, contact
     (counts, shares_k, shares_f, first), (contacts, size) = springs, amplitudes.shape

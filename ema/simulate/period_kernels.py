@@ -34,7 +34,11 @@ def waves(x, count, cosine, sine):
 
 @fast
 def motion(amplitudes, orders, cosine, sine):
-    """Displacement and its first three derivatives from the waves at an instant."""
+    """Return displacement and its first three derivatives at an instant.
+
+    ``amplitudes`` (2 H,) are those of the harmonics ``orders`` (H,); ``cosine`` and ``sine`` (n,) are cos(n x) and
+    sin(n x) of the instant, as ``waves`` fills them.
+    """
     u, du, ddu, dddu = 0.0, 0.0, 0.0, 0.0
     for h in range(len(orders)):
         n = 2 * h + 1  # = orders[h]; known so, the compiler reads several at a time

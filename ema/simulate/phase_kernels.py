@@ -141,7 +141,11 @@ def updated_modes(squares, row, stiffness, rotation):
 
 @inner_with_arrays
 def find(sliding, keys, slots):
-    """Place of a pattern in the table of slots: where it is, or where it belongs."""
+    """Find a pattern of sticking and sliding in the hashed table of phases: the slot where it is, or where it belongs.
+
+    ``sliding`` (contact,) is nonzero where a contact slides, ``keys`` (phase, contact) are the patterns of the phases
+    known, and ``slots`` their rows, negative where a slot is free.
+    """
     code = np.uint64(1469598103934665603)
     for j in range(len(sliding)):
         code = (code ^ np.uint64(sliding[j] != 0.0)) * np.uint64(1099511628211)

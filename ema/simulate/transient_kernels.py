@@ -421,7 +421,13 @@ def advance(count, modal, contact, drive, laws, state, books, strides):
 
 @inner
 def record(sample, contact, squares, state, energies, kept):
-    """Keep one sample; the modes go to their ``places`` among all modes."""
+    """Keep one sample in the row ``sample`` of the arrays (sample, ...) of ``kept``.
+
+    ``contact``: rows, stiffness and flexibility of the springs; ``squares`` (mode,): squared frequencies of the modes
+    computed; ``state``: q, p, u, f, z; ``energies`` (4,): what was booked so far, to which the stored energies are
+    added; ``kept``: places of the modes computed among all modes, and the arrays of modal displacement and velocity,
+    of displacement and force of the contacts, and of the energies.
+    """
     (_, stiffness, flexibility), (q, p, u, f, z) = contact, state
     places, (out_q, out_p, out_u, out_f, out_energy) = kept
     for r in range(len(places)):

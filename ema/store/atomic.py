@@ -123,7 +123,13 @@ def _discard(path: Path) -> None:
 
 
 def mark() -> str:
-    """What tells the temporary files of this process: machine and process."""
+    """Return the mark of the temporary files of this process.
+
+    Returns
+    -------
+    str
+        Hash of the machine's name and number of the process, which tell its files from those of other processes.
+    """
     machine = hashlib.blake2s(platform.node().encode(), digest_size=3).hexdigest()
     return f"{machine}-{os.getpid()}"
 

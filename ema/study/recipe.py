@@ -22,7 +22,13 @@ class Table(tables.Table):
     """A table of a recipe: unknown keys are refused."""
 
     def given(self) -> dict[str, Any]:
-        """The keys that were written, for a function that has its own defaults for the others."""
+        """Return the keys that were written, for a function that has its own defaults for the others.
+
+        Returns
+        -------
+        dict
+            Value of every key that stands in the table, by name.
+        """
         return {name: getattr(self, name) for name in sorted(self.model_fields_set)}
 
 
@@ -307,11 +313,18 @@ def load(path: Path) -> Recipe:
 
     Parameters
     ----------
-    path : the TOML file; paths in it are relative to its folder.
+    path : Path
+        The TOML file; paths in it are relative to its folder.
+
+    Returns
+    -------
+    Recipe
+        Content of the file, checked.
 
     Raises
     ------
-    InputError : no such file, no TOML, or a key that is unknown, missing or wrong, with its line.
+    InputError
+        There is no such file, it is no TOML, or a key is unknown, missing or wrong; the message names its line.
     """
     return parse(tables.read_text(path, "there is no such recipe", expected="a TOML file"), str(path))
 

@@ -351,9 +351,24 @@ def _unit(text: str) -> float:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all modes above 0 Hz.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``unit``: length unit of the coordinates, which the format does not state; ``salvage``: leave damaged steps out.
+
+    Returns
+    -------
+    Contents
+        One modal model with its mesh, and findings for everything that was left out.
+
     Raises
     ------
-    InputError : damaged, or without modes.
+    InputError
+        The file is damaged, or holds no modes.
+    UnitError
+        ``unit`` is no unit of length.
     """
     reader = _Reader(path.read_bytes(), layout, path.name)
     reader.run()

@@ -15,10 +15,26 @@ from ema.errors import InputError
 def read(path: Path, layout: Layout) -> Contents:
     """Read all modes above 0 Hz.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``unit``: length unit of the coordinates, which the format does not state; ``salvage``: leave damaged modes out.
+
+    Returns
+    -------
+    Contents
+        One modal model with its mesh, and findings for everything that was left out.
+
     Raises
     ------
-    MissingExtraError : ansys-mapdl-reader is not installed.
-    InputError : damaged, compressed, or without modes.
+    MissingExtraError
+        ansys-mapdl-reader is not installed.
+    InputError
+        The file is damaged, compressed, or without modes.
+    UnitError
+        ``unit`` is no unit of length.
     """
     parsed = call("rst", path)
     if parsed["analysis"] != "modes":

@@ -245,13 +245,25 @@ def _axes(angles: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
 
 
 def modes(path: Path) -> dict[str, Any]:
-    """``analysis``, and of ``"modes"`` the ``nodes``, ``xyz``, ``faces``, ``frequencies`` in Hz, ``shapes`` at the
-    nodes ``at``; ``undrawn``: why there are no faces; and ``damaged``: what is wrong with modes that are left out,
-    what was got and expected.
+    """Parse the modes and the mesh of a result file.
+
+    Parameters
+    ----------
+    path : Path
+        Binary result file of Ansys Mechanical APDL.
+
+    Returns
+    -------
+    dict
+        ``analysis``: ``"modes"``, or what the file holds instead, and then nothing else. Of modes: ``nodes`` (n,),
+        ``xyz`` (n, 3), ``faces`` (face, corner), ``frequencies`` (mode,) in Hz, ``shapes`` (mode, m, 3) at the nodes
+        ``at`` (m,); ``undrawn``: why there are no faces, or an empty text; ``damaged``: for every mode that is left
+        out its name, what is wrong, what was got and what was expected.
 
     Raises
     ------
-    InputError : the mesh or the tables are damaged.
+    InputError
+        The mesh or the tables are damaged.
     """
     try:
         announced = _Announced(_Records(path))

@@ -36,9 +36,23 @@ def decode(data: bytes) -> str:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a text table; every segment of signals becomes a recording.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        Which column is what where the titles do not say; ``delimiter`` and ``decimal`` of the numbers; ``salvage``:
+        read an interrupted table up to its end.
+
+    Returns
+    -------
+    Contents
+        Everything that the segments hold, in SI where units are stated.
+
     Raises
     ------
-    InputError : no numbers in it, or the table does not say which column is what.
+    InputError
+        There are no numbers in it, or neither titles nor layout say which column is what.
     """
     text = decode(sniff.whole(path))
     if text.count(":") >= text.count("\n"):  # a time of day has two, and most rows have one
@@ -55,12 +69,24 @@ def _name(path: Path, number: int, count: int) -> str:
 
 
 def merge(parts: list[Contents]) -> Contents:
-    """The contents of several segments in one.
+    """Join the contents of several segments.
 
     Parameters
     ----------
-    parts : contents in the order of the file; the geometry is that of the first that has one, what is said twice stands
-        once in metadata and units.
+    parts : list of Contents
+        Contents in the order of the file.
+
+    Returns
+    -------
+    Contents
+        All recordings, FRFs, modes and findings in this order; the first geometry; metadata and units without repeats.
+
+    Examples
+    --------
+    >>> from ema.examples import frf_set, recording
+    >>> both = merge([Contents(frfs=(frf_set(),)), Contents(recordings=(recording(),))])
+    >>> len(both.frfs), len(both.recordings)
+    (1, 1)
     """
     return Contents(
         recordings=tuple(r for part in parts for r in part.recordings),

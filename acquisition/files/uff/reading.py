@@ -118,16 +118,24 @@ def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) ->
 
 
 def fetch(file: ByteFile, entry: Entry) -> Function:
-    """The values of one function, with a problem where they are not those that its header announces.
+    """Read the values of one function.
 
     Parameters
     ----------
-    file : the opened file.
-    entry : where the data set lies, with its header.
+    file : ByteFile
+        The opened file.
+    entry : Entry
+        Where the data set lies, with its header.
+
+    Returns
+    -------
+    Function
+        Header and values; with a ``problem`` where the values are not those that the header announces.
 
     Raises
     ------
-    ValueError : something in the values is no number.
+    ValueError
+        Something in the values is no number.
     """
     assert entry.header is not None  # only functions with a sound header are fetched
     file.seek(entry.data)
@@ -168,9 +176,25 @@ class _File:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a universal file; damaged sets are left out with a finding, time records cut short are read up to the cut.
 
+    Parameters
+    ----------
+    path : Path
+        File that exists and whose format was recognised.
+    layout : Layout
+        ``sets``: numbers of the data sets to read, all by default; ``unit``: length unit of the geometry where no data
+        set 164 states it.
+
+    Returns
+    -------
+    Contents
+        Recordings, FRF sets, modal models and geometry of the data sets, with findings for the sets left out.
+
     Raises
     ------
-    InputError : no data set in it can be used.
+    InputError
+        No data set in it can be used.
+    UnitError
+        ``unit`` is no unit of length.
     """
     with opened(path) as file, suppressed_warnings():  # damaged numbers may overflow; they are found as such
         there = index(file)
