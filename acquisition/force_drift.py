@@ -27,7 +27,7 @@ _UNKNOWN = 0.05
 """The least change, as a fraction of the mean, of two readings, which show no scatter."""
 
 _LONG = 64
-"""Values, those of one record, from which on flicker noise can be told; of fewer the scatter about a line is taken."""
+"""Values, those of one record, from which on flicker noise is recognised; of fewer the scatter about a line counts."""
 
 _HADAMARD = 0.5 * np.log(256 / 27)
 """Hadamard variance of flicker noise with the spectrum h / f, over h (Riley 2008)."""

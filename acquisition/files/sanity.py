@@ -62,7 +62,7 @@ def _check_one_sided(frfs: FrfSet) -> None:
     with np.errstate(all="ignore"):
         size = np.abs(values)
         if not np.abs(values.imag).max() > MIRRORED * size.max():
-            return  # without an imaginary part, or with numbers that are none, nothing can be told
+            return  # without an imaginary part, or with numbers that are none, nothing is known
         for first in (1, 0):
             pair = values[first:][::-1]
             if np.all(np.abs(values[first:] - pair.conj()) <= MIRRORED * size[first:]):

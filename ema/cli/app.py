@@ -1,7 +1,7 @@
 """The commands. Each parses, calls, prints; heavy modules are imported when a command needs them."""
 
 import os
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,9 +20,9 @@ from ema.cli import (
     recording,
     simulating,
 )
-from ema.cli.cluster import Cluster
-from ema.cli.common import Formats, Jobs, Json, Language, LimitOfRecipe, split_formats, status
+from ema.cli.common import Formats, Jobs, Json, LimitOfRecipe, split_formats, status
 from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.cli.option_groups import Reading, Reporting, Work, grouped
 from ema.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,21 +54,35 @@ app.command()(predicting.predict)
 app.command()(joining.joint)
 
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")]
-Salvage = Annotated[
-    bool, typer.Option("--salvage", help="Read what damaged files still hold; what was lost becomes a finding.")
-]
-Keep = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--keep",
-        help="Use impacts in spite of their faults (may be repeated): all, a fault such as double-hit or overload, a "
-        "record or point such as 12:+Z, or an impact by its number from 0, such as 12:+Z#3.",
-    ),
-]
 Measurement = Annotated[
     Path,
     typer.Argument(help="A campaign's folder or campaign.toml, a recipe, or a file with FRFs.", show_default=False),
 ]
+AS_STORED, OF_STUDY = Reading(), Reporting(language="")
+"""Defaults: files as they stand; a report in the language of the study."""
+ANEW = Work()
+"""Default: on this machine, nothing taken over."""
+
+
+@dataclass(frozen=True)
+class ModesWanted:
+    """Which modes are fitted, in place of what the recipe says."""
+
+    near: Annotated[list[float] | None, typer.Option(help="Take the mode near this frequency in Hz (repeat).")] = None
+    order: Annotated[int | None, typer.Option(help="Highest model order.", min=2)] = None
+    band: Annotated[tuple[float, float] | None, typer.Option(help="Lowest and highest frequency in Hz.")] = None
+
+    def over(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Keys of a recipe's fit, with these in their place; modes by frequency replace those by number."""
+        given = given | ({} if self.band is None else {"band": self.band})
+        given |= {} if self.order is None else {"orders": (2, self.order, 2)}
+        if self.near:
+            given = {name: value for name, value in given.items() if name != "index"} | {"near": self.near}
+        return given
+
+
+OF_RECIPE = ModesWanted()
+"""Default: as the recipe says."""
 
 
 def _version(wanted: bool) -> bool:
@@ -89,31 +103,26 @@ def _options(
 
 @app.command()
 @ends_well
+@grouped
 def run(
     recipe: Measurement,
     output: Output = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Keep runs finished before by the same code from the same inputs.")
-    ] = False,
-    formats: Formats = "html",
-    language: Language = "",
+    work: Work = ANEW,
+    report: Reporting = OF_STUDY,
     limit: LimitOfRecipe = None,
-    jobs: Jobs = None,
-    cluster: Cluster = None,
-    salvage: Salvage = False,
-    keep: Keep = None,
+    reading: Reading = AS_STORED,
     json: Json = False,
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
     from ema.messages import checked_language
     from ema.study import Study
 
-    others = [name for name in split_formats(formats) if name != "html"]
-    study = replace(Study.load(recipe, output), salvage=salvage).keeping(keep or [])
-    if language:
-        spoken = study.recipe.model_copy(update={"language": checked_language(language)})
+    others = [name for name in split_formats(report.formats) if name != "html"]
+    study = reading.of(Study.load(recipe, output))
+    if report.language:
+        spoken = study.recipe.model_copy(update={"language": checked_language(report.language)})
         study = replace(study, recipe=spoken)
-    return _done(study, others, resume=resume, limit=limit, jobs=jobs, cluster=cluster, json=json)
+    return _done(study, others, work, limit=limit, json=json)
 
 
 @app.command()
@@ -142,7 +151,7 @@ def demo(
         return FINE
     written = datasets.fetch_recipe(name, folder)
     study = Study.load(written)
-    status = _done(study, [], resume=study.kept.is_dir(), limit=None, jobs=jobs, json=json)
+    status = _done(study, [], Work(jobs, resume=study.kept.is_dir()), limit=None, json=json)
     if not json:
         print(f"Recipe: {written}\nCampaign: {study.campaign.resolve() / 'campaign.toml'}")
         print("Nothing here was measured on hardware: the signals are those of a virtual rig.")
@@ -152,24 +161,15 @@ def demo(
     return status
 
 
-def _done(
-    study: "Study",
-    others: list[str],
-    *,
-    resume: bool,
-    limit: str | None,
-    jobs: int | None,
-    json: bool,
-    cluster: str | None = None,
-) -> int:
+def _done(study: "Study", others: list[str], work: Work, *, limit: str | None, json: bool) -> int:
     """Do a study and show its result; the exit status."""
     from ema.cli import screen
     from ema.cli.cluster import workers
     from ema.study import summary
 
-    processes = (jobs or os.cpu_count() or 1) if study.recipe.placement else 1
-    with screen.Bars() as bars, workers(cluster, processes) as executor:
-        result = study.run(progress=bars, resume=resume, executor=executor)
+    processes = (work.jobs or os.cpu_count() or 1) if study.recipe.placement else 1
+    with screen.Bars() as bars, workers(work.cluster, processes) as executor:
+        result = study.run(progress=bars, resume=work.resume, executor=executor)
         if others:
             from ema.report import write
 
@@ -185,12 +185,12 @@ def _done(
 
 @app.command()
 @ends_well
+@grouped
 def check(
     campaign: Measurement,
     run: Annotated[list[str] | None, typer.Option("--run", help="Only this run (may be repeated).")] = None,
     limit: LimitOfRecipe = None,
-    salvage: Salvage = False,
-    keep: Keep = None,
+    reading: Reading = AS_STORED,
     json: Json = False,
 ) -> int:
     """Say what was measured, under which conditions, and what is wrong with it; no modes."""
@@ -198,7 +198,7 @@ def check(
     from ema.compare import repeat_findings
     from ema.study import Study
 
-    study = replace(Study.load(campaign), salvage=salvage).keeping(keep or [])
+    study = reading.of(Study.load(campaign))
     with screen.Bars() as bars:
         opened = study.open(bars)
         opened = replace(opened, findings=opened.findings + repeat_findings(opened.runs))
@@ -214,12 +214,11 @@ def check(
 
 @app.command()
 @ends_well
+@grouped
 def fit(
     measurement: Measurement,
     run: Annotated[list[str] | None, typer.Option("--run", help="Only this run (may be repeated).")] = None,
-    near: Annotated[list[float] | None, typer.Option(help="Take the mode near this frequency in Hz (repeat).")] = None,
-    order: Annotated[int | None, typer.Option(help="Highest model order.", min=2)] = None,
-    band: Annotated[tuple[float, float] | None, typer.Option(help="Lowest and highest frequency in Hz.")] = None,
+    wanted: ModesWanted = OF_RECIPE,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Write the modes to this file (.uff, .unv or .h5).")
     ] = None,
@@ -227,8 +226,7 @@ def fit(
         bool, typer.Option("--second-opinion", help="Compare with ERA, an estimator in the time domain.")
     ] = False,
     limit: LimitOfRecipe = None,
-    salvage: Salvage = False,
-    keep: Keep = None,
+    reading: Reading = AS_STORED,
     json: Json = False,
 ) -> int:
     """Fit the modes of one run or file and print them."""
@@ -238,13 +236,8 @@ def fit(
     from ema.study import Study, chain
     from ema.study.measured import frfs_of
 
-    study = replace(Study.load(measurement), salvage=salvage).keeping(keep or [])
-    given: dict[str, Any] = study.recipe.fit.given()
-    given |= {} if band is None else {"band": band}
-    given |= {} if order is None else {"orders": (2, order, 2)}
-    if near:
-        given = {name: value for name, value in given.items() if name != "index"} | {"near": near}
-    settings = _settings(given)
+    study = reading.of(Study.load(measurement))
+    settings = _settings(wanted.over(study.recipe.fit.given()))
     models: dict[str, ModalModel] = {}
     measured: dict[str, tuple[Finding, ...]] = {}
     opinions: dict[str, SecondOpinion] = {}

@@ -1,6 +1,7 @@
 """`ema archive`: an index of many campaigns, and questions about all of them."""
 
 import os
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +11,7 @@ import typer
 from ema.cli.cluster import Cluster, workers
 from ema.cli.common import Jobs, Json, jsonable, status, write_csv
 from ema.cli.ending import FINE, ends_well
+from ema.cli.option_groups import grouped
 from ema.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,23 +28,61 @@ app = typer.Typer(
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the archive.", show_default=False)]
 _RANGE = "lowest and highest, with their units"
-Frequency = Annotated[
-    tuple[str, str] | None, typer.Option("--frequency", help=f'Natural frequency: {_RANGE}, "490 Hz" "510 Hz".')
-]
-Damping = Annotated[tuple[str, str] | None, typer.Option("--damping", help=f'Damping ratio: {_RANGE}, "1 %" "3 %".')]
-Normal = Annotated[
-    tuple[str, str] | None,
-    typer.Option("--normal-force", help=f'Mean normal force of the joints: {_RANGE}, "100 N" "0.3 kN".'),
-]
-Level = Annotated[tuple[str, str] | None, typer.Option("--force-level", help=f'Force level: {_RANGE}, "5 N" "50 N".')]
-Since = Annotated[str, typer.Option("--since", help="First day of a campaign, such as 2023-01-01.")]
-Until = Annotated[str, typer.Option("--until", help="Last day of a campaign.")]
-Structure = Annotated[str, typer.Option("--structure", help="Pattern of the structure, such as '*table*'.")]
-CampaignName = Annotated[str, typer.Option("--campaign", help="Pattern of the campaign's name.")]
-RunName = Annotated[str, typer.Option("--run", help="Pattern of the run's name.")]
-Kind = Annotated[str, typer.Option("--kind", help="hammer, random, sweep, map ...")]
-FindingCode = Annotated[str, typer.Option("--finding", help="Only runs with this finding, such as double-hit.")]
-Bare = Annotated[bool, typer.Option("--bare", help="Only runs without a beam.")]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions on modes and their campaigns, as texts of a command line; a mode has to meet all that are given."""
+
+    frequency: Annotated[
+        tuple[str, str] | None, typer.Option("--frequency", help=f'Natural frequency: {_RANGE}, "490 Hz" "510 Hz".')
+    ] = None
+    damping: Annotated[
+        tuple[str, str] | None, typer.Option("--damping", help=f'Damping ratio: {_RANGE}, "1 %" "3 %".')
+    ] = None
+    normal_force: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--normal-force", help=f'Mean normal force of the joints: {_RANGE}, "100 N" "0.3 kN".'),
+    ] = None
+    force_level: Annotated[
+        tuple[str, str] | None, typer.Option("--force-level", help=f'Force level: {_RANGE}, "5 N" "50 N".')
+    ] = None
+    since: Annotated[str, typer.Option("--since", help="First day of a campaign, such as 2023-01-01.")] = ""
+    until: Annotated[str, typer.Option("--until", help="Last day of a campaign.")] = ""
+    structure: Annotated[str, typer.Option("--structure", help="Pattern of the structure, such as '*table*'.")] = ""
+    campaign: Annotated[str, typer.Option("--campaign", help="Pattern of the campaign's name.")] = ""
+    run: Annotated[str, typer.Option("--run", help="Pattern of the run's name.")] = ""
+    kind: Annotated[str, typer.Option("--kind", help="hammer, random, sweep, map ...")] = ""
+    finding: Annotated[str, typer.Option("--finding", help="Only runs with this finding, such as double-hit.")] = ""
+    bare: Annotated[bool, typer.Option("--bare", help="Only runs without a beam.")] = False
+
+    def query(self) -> "Query":
+        """The conditions in SI.
+
+        Raises
+        ------
+        InputError : a text is no range, quantity or day.
+        """
+        from ema.archive import Query
+
+        return Query(
+            frequency=_limits(self.frequency, "frequency", "frequency"),
+            damping=_limits(self.damping, "damping", ""),
+            normal_force=_limits(self.normal_force, "normal_force", "force"),
+            force_level=_limits(self.force_level, "force_level", "force"),
+            since=_day(self.since, "--since"),
+            until=_day(self.until, "--until"),
+            structure=self.structure,
+            campaign=self.campaign,
+            run=self.run,
+            kind=self.kind,
+            finding=self.finding,
+            bare=self.bare,
+        )
+
+
+ALL = Conditions()
+"""Default: every mode."""
 
 
 @app.command()
@@ -90,27 +130,15 @@ def add(
 
 @app.command()
 @ends_well
+@grouped
 def find(
     folder: Folder,
-    frequency: Frequency = None,
-    damping: Damping = None,
-    normal_force: Normal = None,
-    force_level: Level = None,
-    since: Since = "",
-    until: Until = "",
-    structure: Structure = "",
-    campaign: CampaignName = "",
-    run: RunName = "",
-    kind: Kind = "",
-    finding: FindingCode = "",
-    bare: Bare = False,
+    conditions: Conditions = ALL,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all modes to this CSV file.")] = None,
     json: Json = False,
 ) -> int:
     """Print the modes of all campaigns that meet the conditions, with their intervals."""
-    ranges = (frequency, damping, normal_force, force_level)
-    texts = {"structure": structure, "campaign": campaign, "run": run, "kind": kind, "finding": finding}
-    answer = _asked(folder, _query(ranges, (since, until), texts, bare))
+    answer = _asked(folder, conditions.query())
     if output is not None:
         from ema.archive import Observation
 
@@ -121,31 +149,19 @@ def find(
 
 @app.command()
 @ends_well
+@grouped
 def trend(
     folder: Folder,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The picture to write: .png, .svg or .pdf.", show_default=False)
     ],
-    frequency: Frequency = None,
-    damping: Damping = None,
-    normal_force: Normal = None,
-    force_level: Level = None,
-    since: Since = "",
-    until: Until = "",
-    structure: Structure = "",
-    campaign: CampaignName = "",
-    run: RunName = "",
-    kind: Kind = "",
-    finding: FindingCode = "",
-    bare: Bare = False,
+    conditions: Conditions = ALL,
     json: Json = False,
 ) -> int:
     """Draw damping and frequency of these modes over the date, with their intervals."""
     if output.suffix.lower() not in _PICTURES:
         raise InputError("not a picture that can be written", got=str(output), expected=" or ".join(_PICTURES))
-    ranges = (frequency, damping, normal_force, force_level)
-    texts = {"structure": structure, "campaign": campaign, "run": run, "kind": kind, "finding": finding}
-    answer = _asked(folder, _query(ranges, (since, until), texts, bare))
+    answer = _asked(folder, conditions.query())
     _draw(answer, output)
     _show(answer, output, json=json)
     return FINE
@@ -192,25 +208,6 @@ def _of_former_name(result: Path) -> Path:
     """The result of a campaign whose folder was renamed after the study: there is one folder of kept runs."""
     others = [path for path in result.parent.glob("*") if path.is_dir() and any(path.glob("*.h5"))]
     return Path(f"{others[0]}.h5") if len(others) == 1 else result
-
-
-def _query(
-    ranges: tuple[tuple[str, str] | None, ...], days: tuple[str, str], texts: dict[str, str], bare: bool
-) -> "Query":
-    from ema.archive import Query
-
-    names = (("frequency", "frequency"), ("damping", ""), ("normal_force", "force"), ("force_level", "force"))
-    limits = {name: _limits(own, name, unit) for own, (name, unit) in zip(ranges, names, strict=True)}
-    return Query(
-        frequency=limits["frequency"],
-        damping=limits["damping"],
-        normal_force=limits["normal_force"],
-        force_level=limits["force_level"],
-        since=_day(days[0], "--since"),
-        until=_day(days[1], "--until"),
-        bare=bare,
-        **texts,
-    )
 
 
 def _limits(texts: tuple[str, str] | None, name: str, quantity: str) -> tuple[float, float] | None:

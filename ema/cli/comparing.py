@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema.cli.common import Formats, Json, Language, records, save_pictures, split_formats, write_csv
+from ema.cli.common import Json, records, save_pictures, split_formats, write_csv
 from ema.cli.ending import FINDINGS, FINE, ends_well
+from ema.cli.option_groups import Reporting, grouped
 from ema.errors import InputError
 from ema.messages import checked_language
 
@@ -31,7 +32,22 @@ class Outcome:
     findings: "list[Finding]" = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Release:
+    """Where in the records of a release the mode is."""
+
+    band: Annotated[
+        tuple[float, float] | None, typer.Option("--band", help="Of releases: band in Hz that holds the mode.")
+    ] = None
+    start: Annotated[float, typer.Option("--start", help="Of releases: s of rest before it.", min=0)] = 0.0
+
+
+FROM_THE_START, IN_ENGLISH = Release(), Reporting()
+"""Defaults: a record without rest before the release; a report as a page in English."""
+
+
 @ends_well
+@grouped
 def compare(
     measured: Annotated[
         Path, typer.Argument(help="File with modes, a map that `ema map` wrote, or the record of a release.")
@@ -43,10 +59,7 @@ def compare(
     levels: Annotated[
         bool, typer.Option("--known-levels/--relative-levels", help="Whether the force levels are known in N.")
     ] = True,
-    band: Annotated[
-        tuple[float, float] | None, typer.Option("--band", help="Of releases: band in Hz that holds the mode.")
-    ] = None,
-    start: Annotated[float, typer.Option("--start", help="Of releases: s of rest before it.", min=0)] = 0.0,
+    release: Release = FROM_THE_START,
     geometry: Annotated[
         Path | None,
         typer.Option("--geometry", help="Of modes: points of the test, to be found on a finite element model."),
@@ -54,14 +67,13 @@ def compare(
     out: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for what is written [compared/NAME].")
     ] = None,
-    formats: Formats = "html",
-    language: Language = "en",
+    report: Reporting = IN_ENGLISH,
     json: Json = False,
 ) -> int:
     """Compare a model with a measurement; ends with status 1 where it does not agree."""
     from ema.cli import screen
 
-    wanted, spoken = split_formats(formats), checked_language(language)
+    wanted, spoken = split_formats(report.formats), checked_language(report.language)
     free = [name.strip() for name in update.split(",") if name.strip()]
     content = _contents(measured)
     if geometry is not None and _is_model(model):
@@ -86,7 +98,7 @@ def compare(
         else:
             other = _contents(model)
             placed = None if geometry is None else _at_points(content, other, model, geometry)
-            outcome = _against_file(content, placed[0] if placed else other, (measured, model), (band, start))
+            outcome = _against_file(content, placed[0] if placed else other, (measured, model), release)
             outcome.findings += placed[1] if placed else []
     folder = out or Path("compared") / measured.resolve().stem
     written = _write(folder, outcome, wanted, spoken)
@@ -189,7 +201,7 @@ def _against_file(
     first: "ModalMap | ModalModel | Recording",
     second: "ModalMap | ModalModel | Recording",
     paths: tuple[Path, Path],
-    release: tuple[tuple[float, float] | None, float],
+    release: Release,
 ) -> Outcome:
     from ema import compare, show
     from ema.data import ModalMap, ModalModel, Recording
@@ -203,15 +215,14 @@ def _against_file(
             comparison.verdict, {}, {"comparison": comparison}, {"map_comparison": show.map_comparison(comparison)}
         )
     if isinstance(first, Recording) and isinstance(second, Recording):
-        band, start = release
-        if band is None:
+        if release.band is None:
             raise InputError(
                 "which mode do the releases show?",
                 where=f"{paths[0]} and {paths[1]}",
                 expected="the band in Hz that holds it",
                 advice="give --band 8 60, and --start 0.3 where the records begin with 0.3 s of rest",
             )
-        decays = compare.releases(first, second, band, start)
+        decays = compare.releases(first, second, release.band, release.start)
         return Outcome(decays.verdict, {}, {"comparison": decays}, {})
     kinds = {ModalModel: "modes", ModalMap: "a map", Recording: "a record"}
     raise InputError(

@@ -1,5 +1,6 @@
 """`ema map`: from a shaker campaign to the map of a mode over excitation and normal force."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,6 +9,7 @@ import typer
 from ema.cli.cluster import Cluster, workers
 from ema.cli.common import Json, Limit, save_pictures, status, write_csv
 from ema.cli.ending import ends_well
+from ema.cli.option_groups import grouped
 from ema.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,15 +18,51 @@ if TYPE_CHECKING:
     from ema.study.recipe import MapTable
 
 
+@dataclass(frozen=True)
+class MapWanted:
+    """Which mode is mapped over which runs, in place of what the recipe says."""
+
+    near: Annotated[list[float] | None, typer.Option(help="Frequency of a mode in Hz (may be repeated).")] = None
+    run: Annotated[list[str] | None, typer.Option("--run", help="Runs, or patterns such as 'mode1_*'.")] = None
+    reference: Annotated[str, typer.Option(help="Run without a beam, for the damping by height.")] = ""
+    force: Annotated[list[float] | None, typer.Option(help="Nominal normal force in N (repeat).")] = None
+    level: Annotated[list[float] | None, typer.Option(help="Nominal force level in N (repeat).")] = None
+
+    def tables(self, study: "Study") -> "list[MapTable]":
+        """The maps of the recipe, or those of the frequencies given, with the other options over them.
+
+        Raises
+        ------
+        InputError : neither the recipe nor an option names a mode.
+        """
+        from ema.study.recipe import MapTable
+
+        given: dict[str, Any] = {"reference": self.reference} if self.reference else {}
+        given |= {"runs": self.run} if self.run else {}
+        given |= {"force_levels": sorted(self.level)} if self.level else {}
+        given |= {"normal_forces": sorted(self.force)} if self.force else {}
+        if self.near:
+            return [MapTable(near=frequency, **given) for frequency in self.near]
+        if not study.recipe.map:
+            raise InputError(
+                "which mode is to be mapped?",
+                where=str(study.source),
+                expected="its frequency in Hz",
+                advice="give --near 500, or a recipe with [[map]]",
+            )
+        return [table.model_copy(update=given) for table in study.recipe.map]
+
+
+OF_RECIPE = MapWanted()
+"""Default: as the recipe says."""
+
+
 @ends_well
+@grouped
 def make_map(
     campaign: Annotated[Path, typer.Argument(help="A campaign's folder or a recipe with [[map]].", show_default=False)],
-    near: Annotated[list[float] | None, typer.Option(help="Frequency of a mode in Hz (may be repeated).")] = None,
-    run: Annotated[list[str] | None, typer.Option("--run", help="Runs, or patterns such as 'mode1_*'.")] = None,
-    reference: Annotated[str, typer.Option(help="Run without a beam, for the damping by height.")] = "",
+    wanted: MapWanted = OF_RECIPE,
     mount_mass: Annotated[float | None, typer.Option(help="kg between load cell and structure.", min=0)] = None,
-    force: Annotated[list[float] | None, typer.Option(help="Nominal normal force in N (repeat).")] = None,
-    level: Annotated[list[float] | None, typer.Option(help="Nominal force level in N (repeat).")] = None,
     out: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written [maps/NAME].")] = None,
     cluster: Cluster = None,
     limit: Limit = "error",
@@ -37,14 +75,10 @@ def make_map(
     from ema.study.plain import amplitude_lines, amplitude_mode, chart
 
     study = Study.load(campaign)
-    given: dict[str, Any] = {"reference": reference} if reference else {}
-    given |= {"runs": run} if run else {}
-    given |= {"force_levels": sorted(level)} if level else {}
-    given |= {"normal_forces": sorted(force)} if force else {}
     with screen.Bars() as bars:
         opened = study.open(bars)
-    stepped = mapping.stepped_runs(opened, run or [])
-    tables = [] if stepped and not (near or study.recipe.map) else _tables(study, near, given)
+    stepped = mapping.stepped_runs(opened, wanted.run or [])
+    tables = [] if stepped and not (wanted.near or study.recipe.map) else wanted.tables(study)
     estimate = study.recipe.estimate
     if mount_mass is not None:
         estimate = estimate.model_copy(update={"mount_mass": mount_mass})
@@ -73,22 +107,6 @@ def make_map(
             screen.show_findings(screen.console(), mode.findings)
         screen.show_written(screen.console(), written)
     return status(findings, limit)
-
-
-def _tables(study: "Study", near: list[float] | None, given: dict[str, Any]) -> "list[MapTable]":
-    """The maps of a recipe, or those asked for."""
-    from ema.study.recipe import MapTable
-
-    if near:
-        return [MapTable(near=one, **given) for one in near]
-    if not study.recipe.map:
-        raise InputError(
-            "which mode is to be mapped?",
-            where=str(study.source),
-            expected="its frequency in Hz",
-            advice="give --near 500, or a recipe with [[map]]",
-        )
-    return [table.model_copy(update=given) for table in study.recipe.map]
 
 
 def _write(folder: Path, result: "MapResult") -> list[Path]:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema.cli.cluster import Cluster, workers
-from ema.cli.common import Formats, Json, Language, Limit, records, save_pictures, split_formats, status
+from ema.cli.cluster import workers
+from ema.cli.common import Json, Limit, records, save_pictures, split_formats, status
 from ema.cli.ending import ends_well
+from ema.cli.option_groups import Reporting, Work, grouped
 from ema.errors import InputError
 from ema.messages import checked_language
 
@@ -20,7 +21,12 @@ if TYPE_CHECKING:
     from ema.progress import Progress
 
 
+IN_THIS_PROCESS, IN_ENGLISH = Work(jobs=1), Reporting()
+"""Defaults: one process, nothing taken over; a report as a page in English."""
+
+
 @ends_well
+@grouped
 def place(
     source: Annotated[
         Path,
@@ -30,12 +36,9 @@ def place(
     ],
     recipe: Annotated[Path | None, typer.Option("--recipe", help="The recipe, where SOURCE is none.")] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for what is written.")] = None,
-    cluster: Cluster = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes on this machine.")] = 1,
-    resume: Annotated[bool, typer.Option("--resume", help="Keep places finished before.")] = False,
+    work: Work = IN_THIS_PROCESS,
     anyway: Annotated[bool, typer.Option("--anyway", help="Place although the joint model does not agree.")] = False,
-    formats: Formats = "html",
-    language: Language = "en",
+    report: Reporting = IN_ENGLISH,
     limit: Limit = "error",
     json: Json = False,
 ) -> int:
@@ -46,17 +49,16 @@ def place(
     from ema.place.sources import bare_of_model, verdict_of
     from ema.study.study import make_folder
 
-    wanted, spoken = split_formats(formats), checked_language(language)
+    wanted, spoken = split_formats(report.formats), checked_language(report.language)
     read, origin, model = _read(source, recipe)
     folder = output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement"
     make_folder(folder)
     verdict = verdict_of(read, origin)
     with screen.Bars() as bars:
         bare, geometry = bare_of_model(model) if model is not None else _bare(read, origin, bars)
-        with workers(cluster, jobs) as executor:
-            placement = placed(
-                read, bare, geometry, verdict, anyway, executor, KeptPlaces(folder / "checked", resume), bars
-            )
+        with workers(work.cluster, work.jobs or 1) as executor:
+            kept = KeptPlaces(folder / "checked", work.resume)
+            placement = placed(read, bare, geometry, verdict, anyway, executor, kept, bars)
     placement = replace(placement, geometry=geometry)
     written = _write(placement, folder, wanted, spoken)
     if json:

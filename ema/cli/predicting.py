@@ -9,6 +9,7 @@ import typer
 
 from ema.cli.common import Json, Limit, save_pictures, status
 from ema.cli.ending import ends_well
+from ema.cli.option_groups import grouped
 from ema.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +18,44 @@ if TYPE_CHECKING:
     from ema.data import AmplitudeDependentMode, AmplitudePrediction, ModalMap, ModelUpdate
 
 
+@dataclass(frozen=True)
+class FromLevels:
+    """What is predicted from stepped levels."""
+
+    amplitude: Annotated[
+        list[str] | None, typer.Option(help="Of stepped levels: amplitude with its unit, such as '60 m/s^2' (repeat).")
+    ] = None
+    run: Annotated[str, typer.Option("--run", help="The run of stepped levels, where there are several.")] = ""
+    up_to: Annotated[
+        str, typer.Option("--up-to", help="Fit levels up to this amplitude; higher ones confirm or refute.")
+    ] = ""
+
+    def __bool__(self) -> bool:
+        return bool(self.amplitude or self.run or self.up_to)
+
+
+@dataclass(frozen=True)
+class FromMap:
+    """What is predicted from a map and the model that was updated by it."""
+
+    model: Annotated[
+        Path | None, typer.Option("--model", help="Of a map: the model.toml that was updated, for its [map].")
+    ] = None
+    force: Annotated[list[str] | None, typer.Option("--force", help="Of a map: F_E such as '4 N' (repeat).")] = None
+    normal_force: Annotated[
+        list[str] | None, typer.Option("--normal-force", help="Of a map: F_N such as '500 N' (repeat).")
+    ] = None
+
+    def __bool__(self) -> bool:
+        return bool(self.model or self.force or self.normal_force)
+
+
+NO_LEVELS, NO_MAP = FromLevels(), FromMap()
+"""Defaults: nothing asked of either."""
+
+
 @ends_well
+@grouped
 def predict(
     measured: Annotated[
         Path,
@@ -26,20 +64,8 @@ def predict(
             "of `ema compare MAP MODEL --update`."
         ),
     ],
-    amplitude: Annotated[
-        list[str] | None, typer.Option(help="Of stepped levels: amplitude with its unit, such as '60 m/s^2' (repeat).")
-    ] = None,
-    run: Annotated[str, typer.Option("--run", help="The run of stepped levels, where there are several.")] = "",
-    up_to: Annotated[
-        str, typer.Option("--up-to", help="Fit levels up to this amplitude; higher ones confirm or refute.")
-    ] = "",
-    model: Annotated[
-        Path | None, typer.Option("--model", help="Of a map: the model.toml that was updated, for its [map].")
-    ] = None,
-    force: Annotated[list[str] | None, typer.Option("--force", help="Of a map: F_E such as '4 N' (repeat).")] = None,
-    normal_force: Annotated[
-        list[str] | None, typer.Option("--normal-force", help="Of a map: F_N such as '500 N' (repeat).")
-    ] = None,
+    from_levels: FromLevels = NO_LEVELS,
+    from_map: FromMap = NO_MAP,
     out: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for what is written [predicted/NAME].")
     ] = None,
@@ -48,10 +74,10 @@ def predict(
 ) -> int:
     """Predict frequency and damping where nothing was measured, with 95 % bands and their distance from the data."""
     wanted = _Wanted(measured, out or Path("predicted") / measured.resolve().stem, limit, json)
-    if model is not None and force and normal_force and not (amplitude or run or up_to):
-        return _of_map(wanted, model, force, normal_force)
-    if amplitude and not (model or force or normal_force):
-        return _of_levels(wanted, amplitude, run, up_to)
+    if from_map.model is not None and from_map.force and from_map.normal_force and not from_levels:
+        return _of_map(wanted, from_map.model, from_map.force, from_map.normal_force)
+    if from_levels.amplitude and not from_map:
+        return _of_levels(wanted, from_levels.amplitude, from_levels.run, from_levels.up_to)
     raise InputError(
         "what is to be predicted?",
         where=str(measured),

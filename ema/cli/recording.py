@@ -15,6 +15,7 @@ import typer
 
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.cli.level_control import LevelSource, ShakerAtLevel, off_normal_force, placed
+from ema.cli.option_groups import grouped
 from ema.data import Channel, Finding, FrfSet, Recording, Run, Source
 from ema.errors import EmaError, FailureError, InputError
 
@@ -39,8 +40,24 @@ _PAUSE = 1.0
 """Seconds between impacts of the demonstration, in which somebody can look at them."""
 
 
+@dataclass(frozen=True)
+class Watching:
+    """The page that shows every take."""
+
+    show: Annotated[
+        bool, typer.Option("--show", help="Show force, spectrum, FRF and coherence of every take in a browser.")
+    ] = False
+    port: Annotated[int, typer.Option(help="Of the page; 0 takes a free one.", min=0, max=65535)] = 8080
+    browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True
+
+
+NO_PAGE = Watching()
+"""Default: takes are listed and not shown."""
+
+
 @app.command("record")
 @ends_well
+@grouped
 def record(
     folder: Annotated[
         Path | None, typer.Argument(help="Folder with a rig.toml; it becomes a campaign.", show_default=False)
@@ -55,14 +72,10 @@ def record(
         str | None,
         typer.Option("--normal-force", help='Normal force of every joint, such as "1 kN": takes off it do not count.'),
     ] = None,
-    show: Annotated[
-        bool, typer.Option("--show", help="Show force, spectrum, FRF and coherence of every take in a browser.")
-    ] = False,
+    page: Watching = NO_PAGE,
     demo: Annotated[
         bool, typer.Option("--demo", help="Measure the built-in work table, shown; writes its rig.toml into FOLDER.")
     ] = False,
-    port: Annotated[int, typer.Option(help="Of the page; 0 takes a free one.", min=0, max=65535)] = 8080,
-    browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
 ) -> int:
     """Measure a hammer or shaker test: a take is judged and on disk before the next; the same command goes on."""
     from acquisition import Session, rig_file
@@ -92,7 +105,7 @@ def record(
     if session.point is None:
         print(f"Next: ema run {folder}")
         return FINE
-    window = _Window.opened(session, port, browser) if show or demo else None
+    window = _Window.opened(session, page.port, page.browser) if page.show or demo else None
     source = opened(rig, session) if shaker is None else shaker.opened()
     reasons: Counter[str] = Counter()
     accepted = rejected = 0

@@ -25,7 +25,7 @@ NAMED = ("nonlinear-distortion", "leaning-peak")
 def shaker_linearity(
     run: Run, frfs: FrfSet, modes: ModalModel, others: Sequence[tuple[Run, FrfSet]] = ()
 ) -> tuple[Finding, ...]:
-    """Say whether the structure of a shaker test is linear at its level, or that this cannot be told.
+    """Say whether the structure of a shaker test is linear at its level, or that this cannot be decided.
 
     Parameters
     ----------

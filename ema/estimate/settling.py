@@ -25,7 +25,7 @@ from jaxtyping import Bool, Complex, Float, Int
 BLOCKS = 16
 """Blocks of a stay: free vibration up to 8 turns of a stay away from the force is seen."""
 FEWEST_BLOCKS = 8
-"""Blocks below which the steady vibration cannot be told from what is free."""
+"""Blocks below which the steady vibration cannot be distinguished from the free one."""
 FEWEST_STAYS = 4
 """Stays below which a common pole is not looked for: of a single one, a drift would do as well."""
 CHANCE = 1e-8

@@ -44,7 +44,8 @@ STEADY = 0.3
 """Median over mean of the change of frequency from stretch to stretch below which a sine is stepped.
 
 Linear sweeps have 0.87 to 1.0, logarithmic ones over a decade 0.8 and over two 0.46; sines of which each holds for
-four stretches or more have 0.06 to 0.21, and most of three 0.26 to 0.35. Shorter stays cannot be told from a sweep.
+four stretches or more have 0.06 to 0.21, and most of three 0.26 to 0.35. Shorter stays cannot be distinguished from a
+sweep.
 """
 
 PULSES = 0.02

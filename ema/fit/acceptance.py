@@ -80,7 +80,7 @@ def judge(
     line = optimum.data.line
     unit = 2 * np.abs(fit.poles) / max(line, 1e-300)
     narrow = (damping * unit < policy.unresolved) & (std_z * unit < policy.unresolved)
-    # A steady tone leaks into its neighbour lines as an undamped pole does: what is told to decay is none.
+    # A steady tone leaks into its neighbour lines as an undamped pole does: a pole known to decay is none.
     undamped = possible & (damping * unit < policy.unresolved) & (std_z > limit * damping)
     reach = 1.5 * line / (2 * np.pi)
     tones = _tones(natural_frequencies(fit.poles), undamped, dropped, policy=policy, reach=reach)

@@ -1,4 +1,4 @@
-"""Modes that may be parts of one resonance: what a linear fit makes of a joint that slips under the blow."""
+"""Modes that may be parts of one resonance: what a linear fit makes of a joint that slips under the impact."""
 
 import numpy as np
 from jaxtyping import Bool, Int

@@ -37,8 +37,8 @@ NARROWEST = 0.3
 """Half-power bandwidth in frequency lines below which no pole is followed: the lines no longer tell its damping. A pole
 at the bound keeps it, unless the lines do tell (`NARROWER`)."""
 SPIKE = 0.01
-"""The same for poles that are narrower than that from the start, and for those that the lines do tell (`NARROWER`): of
-lines without noise even these are told.
+"""The same for poles that are narrower than that from the start, and for those that the lines do tell (`NARROWER`):
+lines without noise determine even these.
 """
 NARROWER = 25.0
 """What a pole at `NARROWEST` has to take off the cost by a smaller decay rate, in units of the noise, to be followed
@@ -49,7 +49,7 @@ PRIOR = 1.0
 its own decay rate, an entry of a participation vector to its largest one.
 
 Where the data tell nothing of a pole of the background, this keeps its uncertainty, and what of it reaches the modes,
-finite. A mode whose decay rate is told to 10 % has 100 times as much from the data: the prior narrows its interval by
+finite. A mode whose decay rate is known to 10 % has 100 times as much from the data: the prior narrows its interval by
 half a per cent; doubled, by one.
 """
 ROUNDING = 1e-9
@@ -89,7 +89,7 @@ determined, and it stands still.
 """
 DOUBT = 2.0
 """Standard deviations above the mean of what noise gives to as many unknowns, within which these are left out: one in
-44 is kept by chance (normal approximation of chi-square), and what is left out gains too little to be told from noise.
+44 is kept by chance (normal approximation of chi-square), and what is left out gains no more than noise may.
 
 At 1 and at 4 the modes of 14 random systems stay the same, and values move by up to one stated standard deviation.
 """

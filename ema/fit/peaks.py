@@ -280,6 +280,6 @@ def _crossing(
     roots = [root for root in roots if between[0] <= root <= between[1]]
     if roots:
         return float(roots[0]), ""
-    # The vertex may lie lower than every line: then the crossing is before the line at hand.
+    # The vertex may lie lower than every line: then the crossing is before this line.
     share = (level - inverse[current - step]) / (inverse[current] - inverse[current - step])
     return float(places[current - step] + np.clip(share, 0, 1) * (places[current] - places[current - step])), ""

@@ -21,7 +21,7 @@ class SelectionPolicy:
         there is a resonance. A mode counts as identifiable when the Cramer-Rao bound is below 0.1; the excess leaves
         room for the scatter of that estimate.
     visible_uncertainty : the same for a mode that is seen as a peak: such a resonance is there, and its interval says
-        how badly its damping is known. Beyond a third the damping is hardly told from zero.
+        how badly its damping is known. Beyond a third the damping hardly differs from zero.
     visible : share of the energy within its half-power bandwidth from which on a mode is seen as a peak.
     unresolved : half-power bandwidth, and its standard deviation, in frequency lines within which a resonance that is
         seen as a peak is a mode whatever the relative uncertainty of its damping: its frequency is determined,

@@ -396,7 +396,7 @@ def _places(band: FrfSet, data: Prepared) -> tuple[list[int], list[int]]:
 def _single_impacts(
     band: FrfSet, data: Prepared, flat: Observations
 ) -> tuple[Complex[np.ndarray, "blow out in freq"], Int[np.ndarray, "blow out in"]]:
-    """Deviations by single blows, arranged like the signals, and the numbers of the blows."""
+    """Deviations by single impacts, arranged like the signals, and the numbers of the impacts."""
     assert band.deviations is not None
     values, blows = band.deviations.values, band.deviations.blows
     if data.swapped:

@@ -17,7 +17,7 @@ from ema.fit.trials import DAMPING, apart, around, beside, gains_at, mode_gains,
 from ema.messages import mark
 
 MISFIT = 0.2
-"""Correlation of neighbouring residuals above which the misfit, not the noise, limits what can be told.
+"""Correlation of neighbouring residuals above which the misfit, not the noise, limits what the data determine.
 
 That of noise scatters by 1 / sqrt(2 n) for n values: of 200, 0.2 is four standard deviations. A window correlates
 noise too: where the variance of the FRFs is known, the residual must exceed it as well (`refinement`).

@@ -1,4 +1,4 @@
-"""Averages over neighbouring frequency lines, told by the noise that they leave in FRFs.
+"""Averages over neighbouring frequency lines, recognised by the noise that they leave in FRFs.
 
 An average with weights w makes the noise of lines correlate as w correlates with itself. Differences of the order p
 between lines take away what is smooth over a few of them, the FRF, and leave noise that correlates as the convolution
@@ -35,7 +35,7 @@ _DEVIATION = 0.15
 it was 0.04 to 0.13 (801 lines, 6 responses, 3 to 20 lines across a peak); Hann blocks, windows, zero padding and FRFs
 of no average deviate from all of these by 0.2 or more, or are closer to independent lines, but for the flat-top window
 (0.05 to 0.09 from an average of three), which second differences tell from it. Local models over lines whose edges are
-as sharp are not told from an average by their noise."""
+as sharp are not distinguished from an average by their noise."""
 _CLEARLY = 0.75
 """Deviation from an average over that from the next best one up to which it is the one: 0.24 to 0.68 in those FRFs."""
 

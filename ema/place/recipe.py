@@ -158,7 +158,7 @@ class TrialsTable(Table):
     done: list[DoneTable] = Field(default=[])
 
     def costs(self) -> "Costs":
-        """As a noun."""
+        """As a container."""
         from ema.place.trials import Costs
 
         hours = (self.mounting / 3600, self.condition / 3600, self.loop / 3600)

@@ -45,6 +45,8 @@ class Measured:
 
 
 _FIRST_STEP, _HALVINGS = 5e-5, 5
+"""Time step [s] at first, where none is given, and how often it is halved to meet the tolerance: bounds on the work;
+the error that is left is stated."""
 _NO_LOADS = np.zeros((0, 0))
 ControlLaw = Callable[[Measured], float | Sequence[float] | np.ndarray]
 

@@ -27,16 +27,17 @@ _CONVERGED, _CONVERGED_ROUGHLY, _GOOD_ENOUGH, _DENSE = 1e-9, 1e-6, 1000.0, 80
 """Residual over the size of the amplitudes, the same where only places are sought, and how much larger than the first
 it may stay where no step lowers it; unknowns above which steps are found by GMRES."""
 QUADRATURE, _SPARE = 1e-6, 256.0
+"""Relative error of losses and forces over a period up to which more nodes are of no use, and how far below it half of
+them do: rules of order 7 and 8 gain 2^7 to 2^8 by twice the nodes."""
 FINEST = 32
-"""Error of losses and forces over a period up to which more nodes are of no use, how far below it half of them do
-(rules of order 7 and 8 gain 2^7 to 2^8 by twice the nodes), and the largest factor on their number."""
+"""Largest factor on the number of nodes: a bound on the work."""
 _YIELDING, _MOST_SHAPES, _MOST_SEEN, _MANY_TURNS = 0.2, 8, 9, 14
 """Compliance over that of a contact from which on the coarse inverse holds a shape, how many of them, and at how many
 harmonics; turns of GMRES, besides one for every other harmonic, after which that inverse is made anew."""
 _FORCING, _ROUGHLY = 1e-3, 0.05
 """How far GMRES solves for a step, and where only the size of the step matters."""
 _KEPT = 4
-"""Frequencies whose unit motions are kept: that of a point, and those between which a summit is sought."""
+"""Frequencies whose unit motions are kept: that of a point, and those between which a peak is sought."""
 _LOW = 9
 """Harmonics that are solved for alone before many are, and with which it is seen first whether two solutions lie on one
 branch: they bend the curve."""
@@ -756,7 +757,7 @@ class Condensed:
         return supplied, float(point.lost.sum()) * point.omega / (2 * np.pi), damping
 
     def power_rounding(self, point: _Point) -> float:
-        """Power in W that cannot be told from none: where the residual ends, of what goes to and fro."""
+        """Power in W that counts as none: where the residual ends, of what goes to and fro."""
         speed = point.omega * self.orders(point.count)
         moved = np.hypot(point.amplitudes[:, ::2], point.amplitudes[:, 1::2])
         springs = 0.5 * float((self.stiffness[:, None] * moved**2 * speed).sum())

@@ -64,7 +64,7 @@ def _points(where: str, points: Sequence[Dof]) -> None:
 
 
 def spectrum_of(blows: tuple[Blow, ...], frequencies: Float[np.ndarray, "freq"]) -> Complex[np.ndarray, "freq"]:
-    """Fourier transform in N s of a sequence of blows."""
+    """Fourier transform in N s of a sequence of impacts."""
     total = np.zeros(len(frequencies), complex)
     for blow in blows:
         total += blow.peak * half_sine(frequencies, blow.contact_time, blow.time)
@@ -181,7 +181,7 @@ class RovingHammer:
 
     @property
     def duration(self) -> float:
-        """Length of a record in s: the last blow is followed by one spacing."""
+        """Length of a record in s: the last impact is followed by one spacing."""
         return self.pre_trigger + self.hits * self.spacing
 
     @property
@@ -230,7 +230,7 @@ class RovingHammer:
         >>> len(hammer.blows(0, np.random.default_rng(1)))
         3
         """
-        # drawn as factors around 1 and kept positive, so that no draw can turn a blow round
+        # drawn as factors around 1 and kept positive, so that no draw can reverse an impact
         level = np.clip(rng.normal(1, self.scatter, self.hits), 0.2, 3)
         contact = np.clip(rng.normal(1, self.contact_scatter, self.hits), 0.5, 2)
         late = np.clip(rng.normal(0, self.jitter, self.hits), -3 * self.jitter, 3 * self.jitter)

@@ -23,7 +23,15 @@ _SHARES = np.array([0.2, 1.0, 0.5])
 _FIRST_PASS = 40
 """Frequencies of the first pass over a band, with few harmonics; peaks are then placed with more."""
 _ROUGH, _FINER, _COARSE, _NEAR_TOP, _RIVAL, _MOST_SUMMITS, _FLAT = 3, 5, 30, 0.8, 0.93, 6, 0.02
+"""Search of the largest peak: harmonics of the first scan, and of the finer one near its top; frequencies of a scan
+along a curve of a map; height, over the largest, from which the grid is made twice as fine, and from which another peak
+may be the largest; peaks that are tried at most; rise of 1/height^2 beside a peak, relative, below which a parabola
+places it (1 % of the height). They say where peaks are looked for; a peak is then solved with as many harmonics as it
+needs. A search that is too coarse takes a lower peak for the highest."""
 _FIRST, _FIRST_LEVELS, _BESIDE, _MOST_ORDERS = 24, 7, 1.12, 48
+"""Places of a curve that are computed before others are interpolated between them: along force over slip force, and
+along force levels; factor on the frequencies of both neighbours between which the next resonance is expected; harmonics
+of a peak at most: a bound on the work."""
 _RISE = 0.15
 """Rise of the motion of the contacts over a step of a scan, relative, from which on a fold is looked for. A smaller
 jump leads to a branch that ends soon; at half of it a map takes 3 % longer."""
@@ -39,7 +47,7 @@ is halved: the branch may end there."""
 _ASIDE = 1e-7
 """Distance from a natural frequency at which it is looked at: an undamped mode has no response there."""
 _APART, _CLOSEST, _PLACING = 2e-3, 5e-5, 4.0
-"""Distance of frequencies around a summit that is known from fewer harmonics, and steps towards it that no longer
+"""Distance of frequencies around a peak that is known from fewer harmonics, and steps towards it that no longer
 matter, relative; the tolerance with which it is placed, over that of its height."""
 
 
@@ -163,8 +171,8 @@ def _no_resonance(model: BeamModel, band: tuple[float, float], got: str) -> Inpu
 def _with_rivals(condensed: Condensed, frequency: float, summit: _Point, band: tuple[float, float]) -> Resonance:
     """The largest of the peaks about one, with the others and what they leave open.
 
-    Superharmonics of a lightly damped structure make ripples on a flat summit, which few harmonics do not show. So the
-    summit is walked down on both sides with as many as placing a peak takes, and every rise is climbed.
+    Superharmonics of a lightly damped structure make ripples on a flat peak, which few harmonics do not show. So the
+    peak is walked down on both sides with as many as placing a peak takes, and every rise is climbed.
     """
     top = _resonance(condensed, frequency, summit)
     points = _walked(condensed, top, summit, band)
@@ -241,7 +249,7 @@ def _peak(
 ) -> tuple[float, _Point]:
     """Frequency in Hz and solution of the largest response.
 
-    Places come from few harmonics on a grid that is finer near the top, then each summit is sought by itself.
+    Places come from few harmonics on a grid that is finer near the top, then each peak is sought by itself.
     ``around``: frequencies between which it is expected; where the largest one there is at an end, all are looked at.
     """
     grid = _grid(condensed, band, coarse)
@@ -336,7 +344,7 @@ def _moved(point: _Point) -> float:
 
 def _higher_beside(condensed: Condensed, known: dict[float, _Point], frequency: float) -> np.ndarray:
     """Amplitudes of the higher one of the two solutions nearest to a frequency: beyond a fold the lower one leads away
-    from the branch of the summit, and Newton's method comes down from a higher one where there is no fold."""
+    from the branch of the peak, and Newton's method comes down from a higher one where there is no fold."""
     beside = sorted(known, key=lambda f: abs(np.log(f / frequency)))[:2]
     return known[max(beside, key=lambda f: _height(condensed, known[f]))].amplitudes
 
@@ -346,9 +354,9 @@ def _heights(condensed: Condensed, points: dict[float, _Point]) -> dict[float, f
 
 
 def _summit(condensed: Condensed, near: dict[float, _Point], least: float) -> tuple[float, _Point] | None:
-    """The summit between neighbouring frequencies: its place with fewer harmonics than its height.
+    """The peak between neighbouring frequencies: its place with fewer harmonics than its height.
 
-    An error e of the whole curve moves a summit of damping ratio zeta by about e zeta, which lowers it by e^2. So it is
+    An error e of the whole curve moves a peak of damping ratio zeta by about e zeta, which lowers it by e^2. So it is
     placed with harmonics enough for a larger error, unless these turn out to be too few. ``None`` where there is no
     solution, or where it stays below ``least``.
     """
@@ -396,7 +404,7 @@ def _climbed(
     count: int,
     closest: float = _CLOSEST,
 ) -> dict[float, _Point]:
-    """Solutions with ``count`` harmonics up to the summit, by parabolas through 1/height^2, nearly one there.
+    """Solutions with ``count`` harmonics up to the peak, by parabolas through 1/height^2, nearly one there.
 
     ``known`` are those made before, ``around`` the frequencies to begin with; each solution starts from one
     beside it, be it one of the ``hints``, which have other numbers of harmonics. ``closest``: steps that matter,
@@ -430,7 +438,7 @@ def _climbed(
 def _next(
     places: list[float], heights: dict[float, float], best: float, limits: tuple[float, float], closest: float
 ) -> float | None:
-    """Where to look for the summit next; ``None`` when it is found, or beyond the ``limits``.
+    """Where to look for the peak next; ``None`` when it is found, or beyond the ``limits``.
 
     It is found within ``closest`` Hz, or within ``_OF_WIDTH`` of half its width between the half-power points, where
     that is less.
@@ -444,7 +452,7 @@ def _next(
     guess, width = _parabola(low, best, high, *inverse)
     (sharp, _), (steep, beyond) = sorted(((inverse[0] / inverse[1] - 1, low), (inverse[2] / inverse[1] - 1, high)))
     if sharp < _FLAT and steep > _DROP and abs(beyond - best) > closest:
-        return 0.5 * (best + beyond)  # a summit at a fold is no vertex
+        return 0.5 * (best + beyond)  # a peak at a fold is no vertex
     closest = min(closest, max(_OF_WIDTH * width, _ROUNDING * best))
     if high - low < 4 * closest or (abs(guess - best) < 2 * closest and sharp < _FLAT):
         return None

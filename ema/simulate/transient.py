@@ -327,7 +327,7 @@ def solve(
     where = problem.system.name
     positive(where, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
     samples = max(round(duration * sampling_rate), 1)
-    # the run at hand and the one before
+    # this run and the one before
     fits_memory(where, samples, 2 * sum(_widths(problem).values()))
     interval = 1 / sampling_rate
     every = max(int(np.ceil(interval / (_FIRST_STEP if tolerance > 3e-3 else 0.5 * _FIRST_STEP))), 1)

@@ -1,4 +1,4 @@
-"""Forces over time as test benches make them: blows, sweeps, steps of sine."""
+"""Forces over time as test benches make them: impacts, sweeps, steps of sine."""
 
 from collections.abc import Sequence
 

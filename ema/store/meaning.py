@@ -59,7 +59,7 @@ _FIXED: dict[tuple[str, str], Meaning] = {
 
 
 def meaning(container: Any, field: str) -> Meaning:
-    """What the array in ``field`` of ``noun`` means; empty where nothing is known."""
+    """What the array in ``field`` of ``container`` means; empty where nothing is known."""
     match type(container).__name__, field:
         case "FrfSet", "values":
             return Meaning(container.quantity, container.unit, "frequency response functions (freq, out, in)")

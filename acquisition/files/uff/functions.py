@@ -213,7 +213,7 @@ def _of_one_length(group: list[Entry], fetch: Fetch) -> list[list[Entry]]:
 
 
 def _header(entry: Entry) -> Header:
-    assert entry.header is not None  # entries without a header are sorted out at the door
+    assert entry.header is not None  # entries without a header were left out before
     return entry.header
 
 

@@ -97,7 +97,7 @@ class _Window:
         return parts, behind
 
     def near(self, offset: int) -> bytes:
-        """The bytes from an offset on that are at hand; read where there are none."""
+        """The bytes from an offset on that are in memory; read where there are none."""
         inside = offset - self.offset
         return self.bytes[inside:] if 0 <= inside < len(self.bytes) else self.at(offset, _PEEK)
 

@@ -1,4 +1,4 @@
-"""Read a universal file: list its sets, fetch its functions, make nouns of all of it."""
+"""Read a universal file: list its sets, fetch its functions, make containers of all of it."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Write nouns as a universal file: 151 and 164, then 2411, 82, 55 and 58 or 58b."""
+"""Write containers as a universal file: 151 and 164, then 2411, 82, 55 and 58 or 58b."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
