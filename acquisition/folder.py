@@ -314,10 +314,10 @@ class _Opening:
         for number, item in enumerate(items):
             advance(self.progress, f"reading run {run.id}", number, len(items))
             here = f"{where}, {item.label}"
-            found = self.files.contents(item.path, options).frfs
-            if not found:
+            frfs = self.files.contents(item.path, options).frfs
+            if not frfs:
                 raise InputError("the file holds no FRFs", where=here)
-            for frf in found:
+            for frf in frfs:
                 same_frf_units(table, self.files.contents(item.path, options).frf_units, here)
                 outputs, inputs = lines_of_frf(frf, table, item, self.axes, here)
                 outputs, inputs = (self.repairs.lines(run.id, item, lines) for lines in (outputs, inputs))

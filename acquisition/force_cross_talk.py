@@ -94,9 +94,9 @@ class _Spectra:
         if len(forces) != 1 or not len(responses) or len(rings) < len(joints) or not sound:
             return None
         # the line through a signal, which its mean and drift are, leaks into all lines
-        place = np.linspace(-1.0, 1.0, signals.shape[1])
+        position = np.linspace(-1.0, 1.0, signals.shape[1])
         signals -= signals.mean(axis=1, keepdims=True)
-        signals -= (signals @ place / (place @ place))[:, None] * place
+        signals -= (signals @ position / (position @ position))[:, None] * position
         spectra = np.fft.rfft(signals)
         edges = np.unique(np.linspace(0, spectra.shape[1], _BINS + 1).astype(int))[:-1]
         power = np.add.reduceat(np.abs(spectra[: 1 + len(responses)]) ** 2, edges, axis=1)

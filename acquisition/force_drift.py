@@ -126,10 +126,10 @@ def _of_drift(trace: Float[np.ndarray, "sample"], mean: float) -> float:
     count = len(trace)
     if count < 3:
         return _UNKNOWN * mean
-    place = np.linspace(-0.5, 0.5, count)
-    weights = place / (place @ place)
+    position = np.linspace(-0.5, 0.5, count)
+    weights = position / (position @ position)
     if count < _LONG:
-        left = trace - np.mean(trace) - place * (weights @ trace)
+        left = trace - np.mean(trace) - position * (weights @ trace)
         noise = _Noise(float(left @ left) / (count - 2), 0.0, count - 2)
     else:
         noise = _Noise.of(trace)

@@ -135,11 +135,11 @@ def against_other_runs(runs: Sequence[Run], nominal: Mapping[str, Mapping[str, f
     if len(forces) < 3:
         return tuple(runs)
     steps = forces[1:] / forces[:-1]
-    place = int(np.argmax(steps)) + 1
-    few, many = sorted((slice(0, place), slice(place, len(forces))), key=lambda part: len(forces[part]))
+    split = int(np.argmax(steps)) + 1
+    few, many = sorted((slice(0, split), slice(split, len(forces))), key=lambda part: len(forces[part]))
     right = forces[few] * (1000.0 if few.start == 0 else 0.001)
     fits = np.all((right >= 0.5 * forces[many].min()) & (right <= 2 * forces[many].max()))
-    if steps[place - 1] <= _GAP or not fits or len(forces[many]) < 2:
+    if steps[split - 1] <= _GAP or not fits or len(forces[many]) < 2:
         return tuple(runs)
     named = {name for name in names[few] if not nominal.get(name)}
     nearest = float(forces[many][0 if few.start == 0 else -1])

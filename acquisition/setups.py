@@ -22,11 +22,16 @@ Calibrated sensors and hammers agree to a few percent. A limit of 0.1 would name
 one of 0.4 still names g taken for m/s^2 and a wrong range of an amplifier.
 """
 
-_OUT, _IN = 0, 1
+_OUT = 0
+"""Side of the responses."""
+_IN = 1
+"""Side of the forces."""
 _WIDEST = 0.05
 _RESEMBLANCE = 0.5
-_COHERENT, _SMOOTHED = 0.8, 31
-"""Coherence, its median over so many lines, beyond whose last line FRFs hold noise."""
+_COHERENT = 0.8
+"""Coherence beyond whose last line, smoothed, FRFs contain noise alone."""
+_SMOOTHED = 31
+"""Lines over which the median of the coherence is taken, so that single lines do not count."""
 _REVERSED = 0.2
 """Share of lines with one sign in both set-ups below which one of them is turned round; noise alone gives a half."""
 

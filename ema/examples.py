@@ -457,8 +457,8 @@ def trials() -> Trials:
     >>> trials().values.shape
     (40, 1, 2, 2, 3)
     """
-    told = forecast()
-    middle = np.stack([told.frequency, told.damping], axis=1)
+    prediction = forecast()
+    middle = np.stack([prediction.frequency, prediction.damping], axis=1)
     common, own = np.random.default_rng(1).standard_normal((2, 40))
     logs = np.stack([0.005 * own, 0.1 * common], axis=1)
     values = middle * np.exp(logs)[:, None, :, None, None]
@@ -468,10 +468,10 @@ def trials() -> Trials:
         values[:, 0, :, 0, 0],
         np.array([5e-4, 0.03]),
         1.5,
-        float(told.force_levels[0]),
-        float(told.normal_forces[0]),
-        told.centre,
-        told.angle,
+        float(prediction.force_levels[0]),
+        float(prediction.normal_forces[0]),
+        prediction.centre,
+        prediction.angle,
         0.002,
         0.14,
     )
@@ -481,11 +481,11 @@ def trials() -> Trials:
         1e-3 * np.exp(0.1 * common)[:, None],
         np.array([0.05]),
         2.0,
-        normal_force=float(told.normal_forces[0]),
+        normal_force=float(prediction.normal_forces[0]),
         frequency_width=0.01,
         damping_width=0.08,
     )
-    return Trials(told, values, (beam, loop))
+    return Trials(prediction, values, (beam, loop))
 
 
 def ranking() -> Ranking:

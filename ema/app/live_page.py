@@ -15,8 +15,10 @@ from ema.show.style import frf_label
 if TYPE_CHECKING:
     from acquisition import Take
 
-_BEFORE, _BEHIND = 4e-3, 8e-3
-"""Seconds before and behind the peak of an impact that are shown: some contact times of a soft tip."""
+_BEFORE = 4e-3
+"""Seconds before the peak of an impact that are shown: some contact times of a soft tip."""
+_BEHIND = 8e-3
+"""Seconds behind the peak of an impact that are shown: twice as many, for what comes after it."""
 _MOST_POINTS = 2000
 """Most points of a curve over time; each of them holds the largest of what it stands for."""
 

@@ -26,9 +26,11 @@ MISSES = 3
 NORMAL_FORCE = 100.0
 """N on the joints of the virtual work table: there Gaul, Roseira and Becker (2008) saw damping rise up to 30 N of
 excitation and fall beyond."""
-DAMPING, MOVING_MASS = 400.0, 0.5
-"""Back-EMF in N s/m, (B l)^2 / R of 28 N/A and 2 ohm, and kg of armature and stinger: a modal exciter on an amplifier
-that holds the voltage. At resonance a fifth of its force does not reach the table at 6 N, a thirteenth at 30 N."""
+DAMPING = 400.0
+"""Back-EMF in N s/m, (B l)^2 / R of 28 N/A and 2 ohm: a modal exciter on an amplifier that keeps the voltage. With
+`MOVING_MASS`, a fifth of its force does not reach the table at resonance at 6 N, a thirteenth at 30 N."""
+MOVING_MASS = 0.5
+"""Armature and stinger of that exciter, kg."""
 _ROLES = ("reference", "response", "normal force")
 
 

@@ -12,9 +12,10 @@ from ema.data import AmplitudeDependentMode, AmplitudePrediction, Band, Finding
 from ema.data.amplitude import LawParameter
 from ema.errors import InputError
 
-_LEAST_DAMPING, _LEAST_FREQUENCY = 0.002, 1e-6
-"""Least relative standard uncertainties that are believed, of a damping ratio and of a frequency: what a sensor's
-calibration and the clock of a converter allow."""
+_LEAST_DAMPING = 0.002
+"""Least relative standard uncertainty of a damping ratio that is believed: what a sensor's calibration allows."""
+_LEAST_FREQUENCY = 1e-6
+"""Least relative standard uncertainty of a frequency that is believed: what the clock of a converter allows."""
 _FIRST = 3
 """Lowest levels from which on higher ones are predicted to score the laws: fewer leave every law free."""
 _AHEAD = 2.2

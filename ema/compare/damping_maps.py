@@ -8,8 +8,10 @@ from ema.data.comparison import MapComparison, Verdict
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
 
-DAMPING, FREQUENCY = 0.15, 0.005
-"""What is granted to a model besides the bounds of the measurement, relative."""
+DAMPING = 0.15
+"""What is granted to the damping ratio of a model besides the bounds of the measurement, relative."""
+FREQUENCY = 0.005
+"""What is granted to the natural frequency of a model besides the bounds of the measurement, relative."""
 ENOUGH = 0.9
 RIDGE = 1.6
 """Ratio of measured and simulated optimum normal force up to which they count as one (a step of the grid)."""

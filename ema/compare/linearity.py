@@ -66,8 +66,12 @@ FEWEST_POINTS = 12
 NOISE_FACTOR = COVERAGE_FACTOR
 """``reach`` in half of an interval. The size is a root mean square of complex slopes, each of which noise moves by no
 more than ``reach`` along itself."""
-_DRAWS, _SURE, _BLOCK = 4000, 20, 200
-"""Random interchanges at most, how many of them that explain as much end the count, and how many are made at once."""
+_DRAWS = 4000
+"""Random interchanges at most: of as many a chance of 0.5 % is known to a fifth of itself (binomial)."""
+_SURE = 20
+"""Interchanges that explain as much, after which the count ends: the chance is known to a fifth of itself then."""
+_BLOCK = 200
+"""Interchanges that are made at once: speed and memory alone, the count is that of one after the other."""
 
 Verdict = Literal["linear", "not linear", "not testable"]
 

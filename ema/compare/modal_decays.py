@@ -23,8 +23,10 @@ the modes. The poles are corrected in every window, so that slip before or after
 RESOLVED = 2.4
 """Length of a window in s times the distance of neighbouring modes in Hz. The work table amplifies noise 2.2 times
 then, and 25 times at 1.5; twice as long a window smears what 2 % of damping do over 60 % of the amplitude."""
-SHORTEST, LONGEST = 4.0, 12.0
-"""Cycles of the lowest mode that a window has at least and at most: modes that are closer are left to their shapes."""
+SHORTEST = 4.0
+"""Cycles of the lowest mode that a window has at least, however far apart modes are."""
+LONGEST = 12.0
+"""Cycles of the lowest mode that a window has at most: modes that are closer are left to their shapes."""
 HOP = 0.3
 """Step from window to window, over its length."""
 ROUNDS = 3

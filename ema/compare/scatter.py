@@ -16,10 +16,14 @@ from ema.shapes import mac
 
 ALIKE = 0.5
 """Smallest MAC of a pair."""
-NEAR, SHIFTED = 0.05, 0.25
-"""Largest relative difference in frequency of a pair: between repeats, and between conditions."""
-UNEVEN, ANOTHER = 0.1, 0.5
-"""Relative spread of the normal force within a group that is worth a warning, and that makes it another condition."""
+NEAR = 0.05
+"""Largest relative difference in frequency of a pair between repeats."""
+SHIFTED = 0.25
+"""Largest relative difference in frequency of a pair between conditions, which a joint may shift far."""
+UNEVEN = 0.1
+"""Relative spread of the normal force within a group that is worth a warning."""
+ANOTHER = 0.5
+"""Relative spread of the normal force within a group from which on it is another condition, and refused."""
 
 _NOTHING_SAID = mark(
     "{conditions} against {base}: noise only; assembly scatter unknown. No change is called significant."
@@ -137,7 +141,7 @@ def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
         np.isfinite(half) & (np.abs(own[:, 1] - own[:, 0]) > half)
         for (half, _), own in zip(halves, (frequency, damping), strict=True)
     ]
-    found = ConditionDifference(
+    difference = ConditionDifference(
         first.label,
         second.label,
         pairs,
@@ -152,7 +156,7 @@ def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
         values,
         (),
     )
-    return replace(found, sentences=_sentences(first, second, found))
+    return replace(difference, sentences=_sentences(first, second, difference))
 
 
 def conditions(results: Sequence[RunResult]) -> tuple[tuple[RepeatGroup, ...], tuple[ConditionDifference, ...]]:

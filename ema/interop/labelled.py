@@ -44,8 +44,8 @@ def to_xarray(thing: FrfSet | Recording | ModalModel | ModalMap) -> "xr.DataArra
     >>> to_xarray(modal_map()).damping.sel(force_level=20.0, normal_force=500.0).item()
     0.024
     """
-    found: xr.DataArray | xr.Dataset = _converted(thing)
-    return found
+    labelled: xr.DataArray | xr.Dataset = _converted(thing)
+    return labelled
 
 
 @singledispatch

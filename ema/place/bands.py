@@ -339,8 +339,8 @@ def assembled(nominal: Question, task: Task, candidates: Candidates, rng: np.ran
     pressed = float(task.normal_forces[0])
     model = model_at(task, candidates, 0, pressed)
     bands = tuple((low * (1 - _SHIFT), high * (1 + _SHIFT)) for low, high in nominal.bands)
-    asked = nominal._replace(model=model, normal_forces=task.normal_forces, bands=bands)
-    return _uneven(asked, task.joint.scatter, rng)
+    drawn = nominal._replace(model=model, normal_forces=task.normal_forces, bands=bands)
+    return _uneven(drawn, task.joint.scatter, rng)
 
 
 def _band(

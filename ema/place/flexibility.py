@@ -113,10 +113,10 @@ def _measured_share(bare: ModalModel, elastic: np.ndarray, begins: float, over_s
     above = np.abs(residuals.poles) > 0.5 * (begins + np.abs(bare.poles[elastic[-1]]))
     measured, estimated = 0.0, 0.0
     for column, row, sign in driving:
-        found = residuals.upper[row, column].real
+        flexibility = residuals.upper[row, column].real
         if residuals.residues is not None:
             # a residue R and its conjugate at rest: -2 Re(R/p)
-            found -= 2 * float(np.sum(np.real(residuals.residues[above, row, column] / residuals.poles[above])))
-        measured += sign * found
+            flexibility -= 2 * float(np.sum(np.real(residuals.residues[above, row, column] / residuals.poles[above])))
+        measured += sign * flexibility
         estimated += float(np.mean(np.abs(bare.shapes[row, elastic]) ** 2)) * over_squares
     return max(measured / estimated, 0.0) if estimated > 0 else 1.0

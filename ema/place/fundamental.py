@@ -16,8 +16,10 @@ from ema.place.describing import secant_table
 from ema.place.lift_off import Patches, patches, softened
 from ema.place.shortlist import Question
 
-LINES, BANDWIDTHS = 25, 4.0
-"""Lines of a stepped sine about a resonance, and its half-power bandwidths to either side: as in ``ema.compare``."""
+LINES = 25
+"""Lines of a stepped sine about a resonance: as in ``ema.compare.replay``."""
+BANDWIDTHS = 4.0
+"""Half-power bandwidths to either side of a resonance that these lines span: as in ``ema.compare.replay``."""
 
 
 LIFTS = 30

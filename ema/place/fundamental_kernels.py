@@ -45,19 +45,27 @@ def solved(matrix, columns):
 
 
 @compiled(error_model="numpy")
-def respond(omega, load, structure, contact, x, z, m, q, p):
+def room_for(structure):
+    """Work arrays of a structure: ``x``, ``z`` and ``m`` as for ``slips``, modal amplitudes, forces of the springs."""
+    n = structure[3].shape[0]
+    x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
+    m, q = np.zeros((4, n, n), np.complex128), np.zeros(len(structure[0]), np.complex128)
+    return x, z, m, q, np.zeros(len(structure[6]), np.complex128)
+
+
+@compiled(error_model="numpy")
+def respond(omega, load, structure, contact, room):
     """Solve the structure at the angular frequency ``omega`` under a harmonic force of amplitude ``load`` [N].
 
-    Returns the displacements [m] of the excited DOF and of the output, NaN where unsolved; ``q`` (mode,) becomes the
-    modal amplitudes and ``p`` (spring,) the forces of the normal springs. ``x`` (row, joint), ``z`` and ``m`` are work
-    arrays as for ``slips``.
+    Returns the displacements [m] of the excited DOF and of the output, NaN where unsolved; in ``room`` (see
+    ``room_for``) stand the modal amplitudes and the forces of the normal springs then.
 
     ``structure``: squares, decay, loss (mode,), ``rows`` (contact, mode), ``ends`` (2, mode): excited DOF, output;
     ``springs`` (spring, mode), flexibilities (spring,), number of the host's modes, which come first. ``contact``: k_T,
     slip forces, loss factor, first harmonic of the law, F_N at rest (joint,).
     """
     squares, decay, loss, rows, ends, springs, flexibility, _ = structure
-    k_t, limit, tangential_loss, table, _ = contact
+    (k_t, limit, tangential_loss, table, _), (x, z, m, q, p) = contact, room
     n, held, square = rows.shape[0], springs.shape[0], omega * omega
     # receptances between slips and springs; the last column is under the load
     g = np.zeros((n + held, n + held + 1), np.complex128)
@@ -89,7 +97,7 @@ def respond(omega, load, structure, contact, x, z, m, q, p):
             m[COUPLED, i, j] = g[i, j]
             for s in range(held):
                 m[COUPLED, i, j] -= g[i, n + s] * towards[s, j]
-    left = slips(k_t, limit, tangential_loss, table, x, z, m)
+    left = slips((k_t, limit, tangential_loss, table), x, z, m)
     for s in range(held):
         p[s] = towards[s, n]
         for i in range(n):
@@ -112,19 +120,20 @@ def respond(omega, load, structure, contact, x, z, m, q, p):
 @compiled(error_model="numpy")
 def curve(frequencies, load, structure, contact):
     """Displacement of the output at ascending frequencies in Hz, each started from the one before."""
-    n = structure[3].shape[0]
-    x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
-    m, q = np.zeros((4, n, n), np.complex128), np.zeros(len(structure[0]), np.complex128)
-    p = np.zeros(len(structure[6]), np.complex128)
+    room = room_for(structure)
     result = np.empty(len(frequencies), np.complex128)
     for k in range(len(frequencies)):
-        result[k] = respond(2 * math.pi * frequencies[k], load, structure, contact, x, z, m, q, p)[1]
+        result[k] = respond(2 * math.pi * frequencies[k], load, structure, contact, room)[1]
     return result
 
 
-SPACING, CLOSE, STEPS = 2.5e-3, 2e-5, 16
-"""Spacing of the frequencies that are looked at and the distance from the maximum that no longer matters, in the
-logarithm; steps towards it at most. A spacing twice as wide misses peaks of damping ratios below 0.2 %."""
+SPACING = 2.5e-3
+"""Spacing of the frequencies that are looked at, in the logarithm. Twice as wide, peaks of damping ratios below 0.2 %
+are missed."""
+CLOSE = 2e-5
+"""Distance from the maximum that no longer matters, in the logarithm of the frequency."""
+STEPS = 16
+"""Steps towards the maximum at most: a bound on the work."""
 
 
 @compiled(error_model="numpy")
@@ -148,15 +157,14 @@ def peak_of(target, low, high, load, structure, contact):
     over 4 pi times the largest kinetic energy of the fundamental.
     """
     n, count = structure[3].shape[0], max(int(math.log(high / low) / SPACING) + 1, 5)
-    x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
-    m, q = np.zeros((4, n, n), np.complex128), np.zeros(len(structure[0]), np.complex128)
-    p = np.zeros(len(structure[6]), np.complex128)
+    room = room_for(structure)
+    _, z, _, q, p = room
     step, top, best = math.log(high / low) / (count - 1), -1, 0.0
     heights, slip, before = np.zeros(count), np.zeros(n, np.complex128), np.zeros(n, np.complex128)
     moved, moved_before = 0.0, 0.0
     for k in range(count):
         before[:] = z[SLIP]
-        output = respond(2 * math.pi * low * math.exp(k * step), load, structure, contact, x, z, m, q, p)[1]
+        output = respond(2 * math.pi * low * math.exp(k * step), load, structure, contact, room)[1]
         heights[k] = abs(output) if not math.isnan(output.real) else 0.0
         moved_before, moved = moved, taking_part(target, structure[7][0], q)
         if k > 1 and heights[k - 2] < heights[k - 1] >= heights[k] and moved_before > best:
@@ -181,7 +189,7 @@ def peak_of(target, low, high, load, structure, contact):
             done = False
         new = min(max(new, at[0] + 0.1 * (at[1] - at[0])), at[2] - 0.1 * (at[2] - at[1]))
         omega = 2 * math.pi * low * math.exp(at[1] if done else new)
-        driver, output = respond(omega, load, structure, contact, x, z, m, q, p)
+        driver, output = respond(omega, load, structure, contact, room)
         value = abs(output) if not math.isnan(output.real) else 0.0
         if done or value > y[1]:
             energy = 0.0

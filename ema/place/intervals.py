@@ -17,8 +17,10 @@ from ema.shapes import Surface, rigid_rows
 
 UNKNOWN_DAMPING = 0.7
 """Standard deviation of the logarithm of a damping ratio of which nothing is known, such as that of a suspension."""
-_SEVERAL, _MOST_DAMPING = 4, 0.9
-"""Modes from which on the scatter of their damping ratios is that of others; damping ratio of a draw at most."""
+_SEVERAL = 4
+"""Modes from which on the scatter of their damping ratios is taken for that of others; below, `UNKNOWN_DAMPING` is."""
+_MOST_DAMPING = 0.9
+"""Damping ratio of a draw at most: a safeguard, for a mode with more does not oscillate."""
 
 
 def samples(

@@ -247,15 +247,17 @@ def _done(
 
 def _after(tests: Trials, done: DoneTable) -> Trials:
     """The tests once one of them has been done."""
-    told = tests.forecast
-    centre, angle = (told.centre, told.angle) if done.centre is None else (tuple(done.centre), np.radians(done.angle))
+    prediction = tests.forecast
+    centre, angle = (
+        (prediction.centre, prediction.angle) if done.centre is None else (tuple(done.centre), np.radians(done.angle))
+    )
     for number, trial in enumerate(tests.trials):
         where = [*trial.centre, trial.angle, trial.force_level, trial.normal_force]
         if trial.kind == "beam" and np.allclose(where, [*centre, angle, done.force, done.normal_force], atol=1e-9):
             read = dict.fromkeys(trial.readings, np.nan)
             for what, values in (("f [Hz]", done.frequency), ("zeta [-]", done.damping)):
                 known = np.array(values, np.float64).tolist()  # None is NaN
-                read.update({f"mode {mode}: {what}": one for mode, one in zip(told.modes, known, strict=False)})
+                read.update({f"mode {mode}: {what}": one for mode, one in zip(prediction.modes, known, strict=False)})
             return updated(tests, number, [read[name] for name in trial.readings])
     raise InputError(
         "the forecast expects no reading of this test",

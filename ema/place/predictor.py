@@ -80,21 +80,15 @@ def predict(
     seen = driver if task.output is None else shapes_at(bare, task.output)[chosen]
     beams = _free(candidates.catalogue, float(omega.max()))
     count = len(candidates.catalogue[0].places)
-    result = kernels.all_places(
-        omega,
-        zeta,
-        np.abs(driver),
-        levels[order],
-        phi,
-        lever,
-        candidates.beams,
+    joints = (
         normal_stiffness(joint, forces) * (1 + 1j * joint.normal_loss),
-        *beams,
         contact_stiffness(joint, forces),
         joint.law.friction_coefficient * forces,
         joint.tangential_loss,
         secant_table(joint.law.name, joint.law.parameters),
     )
+    placed = (phi, lever, candidates.beams)
+    result = kernels.all_places((omega, zeta, np.abs(driver)), levels[order], placed, beams, joints)
     back = np.argsort(order)
     result = result[:, :, :, back, :]
     return Prediction(

@@ -17,21 +17,28 @@ from ema.place.describing import START, STEP
 @compiled(error_model="numpy")
 def describing(amplitude, table):
     """Complex secant stiffness over k_T, and its derivative, at an amplitude in units of the slip limit."""
-    place = (math.log(amplitude) - START) / STEP if amplitude > 0 else -1.0
-    if place <= 0:
+    position = (math.log(amplitude) - START) / STEP if amplitude > 0 else -1.0
+    if position <= 0:
         return table[0], 0j
-    if place >= len(table) - 1:
+    if position >= len(table) - 1:
         ratio = math.exp(START + STEP * (len(table) - 1)) / amplitude
         return table[-1] * ratio, -table[-1] * ratio / amplitude
-    cell = int(place)
+    cell = int(position)
     slope = table[cell + 1] - table[cell]
-    return table[cell] + (place - cell) * slope, slope / (STEP * amplitude)
+    return table[cell] + (position - cell) * slope, slope / (STEP * amplitude)
 
 
 FORCE, KAPPA, SLOPE, OLD, DRIVE, PSI, SLIP = range(7)
 """Rows of the complex vectors ``z`` (row, joint) that are used over and over."""
 COUPLED, ALONE, SPRUNG, HELD = range(4)
 """The complex matrices ``m`` (matrix, joint, joint); the real ones ``a`` are the receptances tt, tn and nn."""
+
+
+@compiled(error_model="numpy")
+def room_for(joints):
+    """Work arrays of a structure: ``x`` of Newton's equations, ``z``, ``m`` and ``a``."""
+    x, z = np.zeros((2 * joints + 1, 2 * joints)), np.zeros((7, joints), np.complex128)
+    return x, z, np.zeros((4, joints, joints), np.complex128), np.zeros((3, joints, joints))
 
 
 @compiled(error_model="numpy")
@@ -101,12 +108,12 @@ def eliminate(x):
 
 
 @compiled(error_model="numpy")
-def unbalanced(k_t, limit, loss, table, x, z, m):
+def unbalanced(contact, x, z, m):
     """What is left of r + R f(r) = psi q, as real and imaginary parts in the last row of ``x``; its largest entry.
 
-    ``k_t`` and ``limit`` (joint,).
+    ``contact``: k_T and slip forces (joint,), loss factor, first harmonic of the law.
     """
-    n = z.shape[1]
+    (k_t, limit, loss, table), n = contact, z.shape[1]
     for b in range(n):
         r = z[SLIP, b]
         amplitude = math.sqrt(r.real * r.real + r.imag * r.imag)
@@ -127,24 +134,24 @@ def unbalanced(k_t, limit, loss, table, x, z, m):
 
 
 @compiled(error_model="numpy")
-def slips(k_t, limit, loss, table, x, z, m):
+def slips(contact, x, z, m):
     """Newton with halved steps for r + R f(r) = psi q from the start in ``z``; what is left, over the size."""
     n = z.shape[1]
     size = 1e-300
     for a in range(n):
         size = max(size, abs(z[DRIVE, a]))
-    left = unbalanced(k_t, limit, loss, table, x, z, m)
+    left = unbalanced(contact, x, z, m)
     if left > 0.3 * size:
         # far from the known state: free slip may be nearer
         for a in range(n):
             z[OLD, a], z[SLIP, a] = z[SLIP, a], z[DRIVE, a]
-        free = unbalanced(k_t, limit, loss, table, x, z, m)
+        free = unbalanced(contact, x, z, m)
         if free < left:
             left = free
         else:
             for a in range(n):
                 z[SLIP, a] = z[OLD, a]
-            left = unbalanced(k_t, limit, loss, table, x, z, m)
+            left = unbalanced(contact, x, z, m)
     for _ in range(30):
         if left < 1e-6 * size:
             break
@@ -166,7 +173,7 @@ def slips(k_t, limit, loss, table, x, z, m):
             z[OLD, a] = complex(x[2 * n, 2 * a], x[2 * n, 2 * a + 1])
             z[SLIP, a] += z[OLD, a]
         for halving in range(8):
-            left = unbalanced(k_t, limit, loss, table, x, z, m)
+            left = unbalanced(contact, x, z, m)
             if left < before or halving == 7:
                 break
             share *= 0.5
@@ -212,7 +219,7 @@ def linear_part(omega, beam, z, m, a):
 
 
 @compiled(error_model="numpy")
-def under_force(stiffness, load, k_t, limit, loss, table, x, z, m):
+def under_force(stiffness, load, contact, x, z, m):
     """Complex amplitude q of the mode under a modal force, and what is left of the contact equation.
 
     ``stiffness`` D of the mode with the beam but without friction. With q = (load - psi^T f) / D the slips solve the
@@ -224,7 +231,7 @@ def under_force(stiffness, load, k_t, limit, loss, table, x, z, m):
         z[DRIVE, a] = part * load
         for b in range(n):
             m[COUPLED, a, b] = m[ALONE, a, b] + part * z[PSI, b]
-    left = slips(k_t, limit, loss, table, x, z, m)
+    left = slips(contact, x, z, m)
     pushed = complex(load, 0.0)
     for a in range(n):
         pushed -= z[PSI, a] * z[FORCE, a]
@@ -238,25 +245,33 @@ def bare_stiffness(omega, omega0, zeta0):
 
 
 @compiled(error_model="numpy")
-def height_at(log_ratio, mode, load, beam, contact, x, z, m, a):
-    """Amplitude of the mode under a modal force at a frequency; 0 where the contacts were not solved."""
-    k_t, limit, loss, table = contact
+def height_at(log_ratio, case, room):
+    """Amplitude of the mode under a modal force at a frequency; 0 where the contacts were not solved.
+
+    ``case``: omega and damping ratio of the bare mode, modal force, beam and contacts. ``room``: see ``room_for``.
+    """
+    (mode, load, beam, contact), (x, z, m, a) = case, room
     omega = mode[0] * math.exp(log_ratio)
     stiffness = bare_stiffness(omega, mode[0], mode[1]) + linear_part(omega, beam, z, m, a)
-    q, left = under_force(stiffness, load, k_t, limit, loss, table, x, z, m)
+    q, left = under_force(stiffness, load, contact, x, z, m)
     return q if left < 1e-4 else 0j
 
 
-COARSE, FIRST, NEXT, WIDEST = 0.014, 8, 4, 30
-"""Spacing of the frequencies that are looked at, in the logarithm; how many to either side for the first and for the
-following force levels, and at most."""
+COARSE = 0.014
+"""Spacing of the frequencies that are looked at, in the logarithm."""
+FIRST = 8
+"""Frequencies to either side for the first force level; where the last one is highest, the scan goes on beyond it."""
+NEXT = 4
+"""Frequencies to either side for the following force levels, about the peak of the one before."""
+WIDEST = 30
+"""Frequencies to either side at most, a factor of 1.5 in frequency: what moves farther counts as unsolved."""
 
 
 @compiled(error_model="numpy")
-def climb(places, heights, top, mode, load, beam, contact, x, z, m, a):
+def climb(places, heights, top, case, room):
     """Place and response of the maximum next to ``top`` to 1e-4: 1 / height^2 is nearly a parabola. Slips in ``z``."""
-    at, y = places[top - 1 : top + 2].copy(), heights[top - 1 : top + 2].copy()
-    found, slip = 0j, np.zeros(z.shape[1], np.complex128)
+    at, y, z = places[top - 1 : top + 2].copy(), heights[top - 1 : top + 2].copy(), room[1]
+    response, slip = 0j, np.zeros(z.shape[1], np.complex128)
     least = 1e-4
     for _ in range(12):
         if at[2] - at[0] < 4 * least:
@@ -269,41 +284,41 @@ def climb(places, heights, top, mode, load, beam, contact, x, z, m, a):
             wide = max(at[2] - at[1], at[1] - at[0])
             new = at[1] + (least if at[2] - at[1] > at[1] - at[0] else -least) * (1 if wide < 8 * least else 3)
         new = min(max(new, at[0] + 0.1 * (at[1] - at[0])), at[2] - 0.1 * (at[2] - at[1]))
-        q = height_at(new, mode, load, beam, contact, x, z, m, a)
+        q = height_at(new, case, room)
         value = abs(q)
         side = 0 if new < at[1] else 2
         if value > y[1]:
             at[2 - side], y[2 - side] = at[1], y[1]
-            at[1], y[1], found = new, value, q
+            at[1], y[1], response = new, value, q
             slip[:] = z[SLIP]
         else:
             at[side], y[side] = new, value
-    if found == 0:
-        found = height_at(at[1], mode, load, beam, contact, x, z, m, a)
+    if response == 0:
+        response = height_at(at[1], case, room)
     else:
         z[SLIP] = slip
-    return at[1], found
+    return at[1], response
 
 
 @compiled(error_model="numpy")
-def look(k, scan, mode, load, beam, contact, x, z, m, a):
+def look(k, scan, case, room):
     """Height of the response at one frequency of the scan, computed when it is asked for."""
     places, heights, known, stiffness, psis, frees = scan
     if heights[k] < 0:
-        k_t, limit, loss, table = contact
+        (mode, load, beam, contact), (x, z, m, a) = case, room
         if not known[k]:
             omega = mode[0] * math.exp(places[k])
             stiffness[k] = bare_stiffness(omega, mode[0], mode[1]) + linear_part(omega, beam, z, m, a)
             psis[k], frees[k], known[k] = z[PSI], m[ALONE], True
         else:
             z[PSI], m[ALONE] = psis[k], frees[k]
-        q, left = under_force(stiffness[k], load, k_t, limit, loss, table, x, z, m)
+        q, left = under_force(stiffness[k], load, contact, x, z, m)
         heights[k] = abs(q) if left < 1e-4 else 0.0
     return heights[k]
 
 
 @compiled(error_model="numpy")
-def highest(middle, reach, scan, mode, load, beam, contact, x, z, m, a):
+def highest(middle, reach, scan, case, room):
     """The highest place of the scan with two lower neighbours; -1 where there is none.
 
     Every second frequency around the middle first; where the highest is the last one, the scan goes on beyond it.
@@ -312,14 +327,14 @@ def highest(middle, reach, scan, mode, load, beam, contact, x, z, m, a):
     low, high = max(middle - reach, 0), min(middle + reach, size - 1)
     top = low
     for k in range(low, high + 1, 2):
-        if look(k, scan, mode, load, beam, contact, x, z, m, a) > scan[1][top]:
+        if look(k, scan, case, room) > scan[1][top]:
             top = k
     for _ in range(size):
         if scan[1][top] <= 0 or top == 0 or top == size - 1:
             return -1
         before = top
         for k in (before - 1, before + 1):
-            if look(k, scan, mode, load, beam, contact, x, z, m, a) > scan[1][top]:
+            if look(k, scan, case, room) > scan[1][top]:
                 top = k
         if top == before:
             return top
@@ -334,8 +349,8 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
     best hill. The damping is that of a single mode of this height and of the local slope of the dynamic stiffness.
     """
     n, size = len(beam[0]), 2 * WIDEST + 1
-    x, z = np.zeros((2 * n + 1, 2 * n)), np.zeros((7, n), np.complex128)
-    m, a = np.zeros((4, n, n), np.complex128), np.zeros((3, n, n))
+    room = room_for(n)
+    _, z, m, a = room
     result = np.full((4, len(levels)), np.nan)
     heights = np.empty(size)
     scan = (
@@ -352,13 +367,14 @@ def one_mode(omega0, zeta0, driver, levels, beam, contact):
     middle, reach = WIDEST + round(shift / COARSE), FIRST
     for row in range(len(levels)):
         load = levels[row] * driver
+        case = (mode, load, beam, contact)
         z[SLIP] = 0
         heights[:] = -1.0
-        top = highest(middle, reach, scan, mode, load, beam, contact, x, z, m, a)
+        top = highest(middle, reach, scan, case, room)
         if top < 0:
             continue
         middle, reach = top, NEXT
-        best, q = climb(scan[0], heights, top, mode, load, beam, contact, x, z, m, a)
+        best, q = climb(scan[0], heights, top, case, room)
         if q == 0:
             continue
         omega, total = omega0 * math.exp(best), load / q
@@ -400,14 +416,19 @@ def held_ahead(omega, mode, beam, contact, z, m, a):
 
 
 @compiled(error_model="numpy")
-def all_places(
-    omega0, zeta0, driver, levels, phi, lever, kind, k_n, squares, tangential, normal, rest, k_t, limits, loss, table
-):
-    """``one_mode`` for all candidates, modes and normal forces: (candidate, mode, 4, level, force)."""
+def all_places(bare, levels, placed, beams, joints):
+    """``one_mode`` for all candidates, modes and normal forces: (candidate, mode, 4, level, force).
+
+    ``bare``: angular frequencies, damping ratios and motions of the excited DOF (mode,); ``placed``: deflections and
+    motions of the interface (candidate, joint, mode) and the beam of every candidate; ``beams``: squares, tangential
+    and normal motions of their modes and what the modes far above add; ``joints``: k_N, k_T and slip forces (force,),
+    loss factor, first harmonic of the law.
+    """
+    (omega0, zeta0, driver), (phi, lever, kind) = bare, placed
+    (squares, tangential, normal, rest), (k_n, k_t, limits, loss, table) = beams, joints
     candidates, modes, forces = phi.shape[0], phi.shape[2], len(k_t)
     result = np.full((candidates, modes, 4, len(levels), forces), np.nan)
     for c in range(candidates):
-        one = kind[c]
         for mode in range(modes):
             if driver[mode] <= 0:
                 continue
@@ -416,12 +437,11 @@ def all_places(
                     phi[c, :, mode].copy(),
                     lever[c, :, mode].copy(),
                     k_n[f],
-                    squares[one],
-                    tangential[one],
-                    normal[one],
-                    rest[one],
+                    squares[kind[c]],
+                    tangential[kind[c]],
+                    normal[kind[c]],
+                    rest[kind[c]],
                 )
-                joints = phi.shape[1]
-                contact = (np.full(joints, k_t[f]), np.full(joints, limits[f]), loss, table)
+                contact = (np.full(phi.shape[1], k_t[f]), np.full(phi.shape[1], limits[f]), loss, table)
                 result[c, mode, :, :, f] = one_mode(omega0[mode], zeta0[mode], driver[mode], levels, beam, contact)
     return result

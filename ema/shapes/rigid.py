@@ -25,9 +25,13 @@ _DOUBT = np.array([0.2, 0.2, 0.3, 0.3])
 """How far centre of mass (over the extents) and radii of gyration (relative) may stray from those of a plate."""
 
 
-_CENTRE_STD, _GYRATION_STD, _MASS_STD = 0.02, 0.04, 0.08
-"""Standard uncertainties of the centre of mass (over the extents), of radii of gyration, and of a mass from mass lines
-(relative): on uniform plates with three lumps of 1 to 4 % of their mass these were off by 0.013, 0.03 and 0.08."""
+_CENTRE_STD = 0.02
+"""Standard uncertainty of the centre of mass, over the extents. It was off by 0.013 on the plates by which these three
+were calibrated: uniform ones with three lumps of 1 to 4 % of their mass."""
+_GYRATION_STD = 0.04
+"""Relative standard uncertainty of radii of gyration: they were off by 0.03 on those plates."""
+_MASS_STD = 0.08
+"""Relative standard uncertainty of a mass from mass lines: it was off by 0.08 on those plates."""
 
 
 class Body(NamedTuple):

@@ -64,8 +64,8 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
 
 def _together(run: Run) -> list[tuple[Dof, ...]]:
     """Forces of the records that act at the same time."""
-    found = [[one.channels[row].dof for row in one.with_role("reference")] for one in run.recordings]
-    return list(dict.fromkeys(tuple(dof for dof in dofs if dof is not None) for dofs in found))
+    forces = [[record.channels[row].dof for row in record.with_role("reference")] for record in run.recordings]
+    return list(dict.fromkeys(tuple(dof for dof in dofs if dof is not None) for dofs in forces))
 
 
 def _of_records(run: Run, settings: EstimateTable, progress: Progress) -> tuple[FrfSet, HitGallery | None]:
