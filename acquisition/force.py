@@ -26,10 +26,13 @@ SCATTER_LIMIT = 0.10
 """Largest deviation of a joint from the mean of all joints, as a fraction of it."""
 
 _BLOCKS = 64
+"""Block means of a trace at most."""
 _TENTH = 6
 """Block means that are a tenth of a record."""
 _ENDS = 0.1
+"""Share of the time of a trace at either end whose means make its drift."""
 _ROUNDING = 1e-12
+"""Range of a trace over its mean up to which it is constant: rounding of doubles over a sum."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ _OUT = 0
 _IN = 1
 """Side of the forces."""
 _WIDEST = 0.05
+"""Relative shift of resonances between set-ups up to which it is looked for: 5 % to either side."""
 _RESEMBLANCE = 0.5
+"""Correlation of the levels of two set-ups below which their shift is not trusted, and a finding says so."""
 _COHERENT = 0.8
 """Coherence beyond whose last line, smoothed, FRFs contain noise alone."""
 _SMOOTHED = 31

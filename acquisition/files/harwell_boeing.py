@@ -11,6 +11,7 @@ from jaxtyping import Float
 from ema.errors import InputError
 
 _MOST = 20_000
+"""Rows of the largest matrix that is read: in full it takes 3.2 GB. A larger one is refused with a sentence."""
 _FORMAT = re.compile(r"(\d*)\s*([IFEDG])\s*(\d+)", re.IGNORECASE)
 # An edit descriptor with an exponent writes a digit other than 0 before the point of all numbers (scale factor 1P) or
 # of none (0P, where the 0 is optional): ISO/IEC 1539-1, "E and D editing". Both in one file: a digit was lost.

@@ -14,6 +14,7 @@ from acquisition.isolated.limits import unpacked as most_unpacked
 from ema.errors import InputError
 
 HEAD = 4096
+"""Bytes at the start of a file by which its format is recognised."""
 _PIECE = 1 << 20
 
 

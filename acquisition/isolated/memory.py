@@ -14,8 +14,11 @@ EVERY = 0.05
 process is ended."""
 
 _PROCESS_MEMORY = 0x100
+"""JOB_OBJECT_LIMIT_PROCESS_MEMORY of the Windows API."""
 _EXTENDED_LIMITS = 9
+"""JobObjectExtendedLimitInformation of the Windows API."""
 _TASK_INFO = 4
+"""PROC_PIDTASKINFO of macOS."""
 
 
 class _JobLimits(ctypes.Structure):

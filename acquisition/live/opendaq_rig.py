@@ -17,6 +17,7 @@ SILENCE = 10.0
 """Seconds without a sample after which a device counts as gone."""
 
 _BLOCK = 0.05
+"""Seconds of signal that are read at a time: a take begins later by no more than this."""
 
 
 @dataclass(frozen=True)

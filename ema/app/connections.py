@@ -49,7 +49,9 @@ BEAT = 2.0
 """Seconds between signs of life to the listeners."""
 
 _TICK = 0.25
+"""Seconds between looks at what has to end, where nothing arrives."""
 _BLOCK = 65_536
+"""Bytes that are read or sent at a time."""
 _END = re.compile(rb"\r?\n\r?\n")
 
 

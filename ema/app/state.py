@@ -31,6 +31,7 @@ from ema.messages import text
 
 _PICKED = "picked rows of the pole table"
 _MOST_UNDONE = 200
+"""Steps that can be taken back."""
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "dim"}
 _PLAIN_WIDTH = 160
+"""Characters of a line where the output is no terminal."""
 
 
 def console() -> Console:

@@ -23,6 +23,7 @@ _AHEAD = 2.2
 _PSEUDO = 1.0
 """Levels that count for equal weights of all laws, beside those scored."""
 _COUNT = 4000
+"""Draws of all laws together: 100 lie beyond either end of a 95 % band."""
 _DRAWN = 0.95
 """Share of the weight of the laws from which on the bands are theirs: what a 95 % band leaves out anyway."""
 _FAR = 2.0
@@ -30,6 +31,7 @@ _FAR = 2.0
 _MISMATCH = 3.0
 """Ratio of the model-form discrepancies of frequency and damping from which a law explains one and not the other."""
 _PROBABILITY = 0.95
+"""Probability from which on a law is said to explain one of frequency and damping and not the other."""
 _WEIGHTY = 0.1
 """Weight of a law from which on its draws matter to the 95 % bands of all laws."""
 

@@ -8,6 +8,7 @@ from ema.data.repeats import VarianceComponents
 from ema.errors import InputError
 
 COVERAGE = 0.95
+"""Probability that an interval contains."""
 _TAIL = (1 - COVERAGE) / 2
 _NORMAL = float(scipy.stats.norm.isf(_TAIL))
 

@@ -13,6 +13,7 @@ DAMPING = 0.15
 FREQUENCY = 0.005
 """What is granted to the natural frequency of a model besides the bounds of the measurement, relative."""
 ENOUGH = 0.9
+"""Share of the points of a map that have to agree: a 95 % band leaves out one in twenty, and a map has few points."""
 RIDGE = 1.6
 """Ratio of measured and simulated optimum normal force up to which they count as one (a step of the grid)."""
 

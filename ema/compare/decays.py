@@ -14,6 +14,7 @@ from ema.units import Quantity
 GOOD = 0.15
 """Envelope error up to which a simulated decay agrees."""
 SAME_PEAK = 0.01
+"""Relative difference of the frequencies of two decays up to which they agree."""
 
 
 HIGH_PASS = 15.0

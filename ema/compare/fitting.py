@@ -75,11 +75,14 @@ _CONTESTANTS, _ROUND = 4, 6
 _THIN = 8
 """Points of the map with which starts are compared."""
 _PASSES, _ITERATIONS, _STEP = 3, 15, 0.03
+"""Passes of a map that was fitted from FRFs, each with what the fit reads wrong at the parameters of the one before;
+iterations of a pass: both bounds on the work; and the step of derivatives, on the scales of the parameters."""
 TOLERANCE = 5e-3
 """Relative error of the simulation that is aimed at."""
 _SAME = 0.01
 """Change of the parameters, on their scales, below which the fit of FRFs reads the same of the model."""
 _SOFT = (1.0, 0.3, 0.0)
+"""Share of the widened uncertainties with which the search begins, goes on and ends: see `_SOFT_DAMPING`."""
 _SOFT_DAMPING, _SOFT_FREQUENCY = 0.15, 2e-3
 """The search begins with uncertainties widened by this much and narrows them in steps: precise frequencies make a long
 bent valley, which is only followed from nearby."""

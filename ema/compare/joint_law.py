@@ -23,6 +23,7 @@ from ema.progress import Progress, advance, silent
 
 Draws = Float[np.ndarray, "draw parameter"]
 _RIDGE_POINTS = 14
+"""Normal forces at which the highest damping of a level is looked for, evenly spaced in the logarithm."""
 _DRAWS, _RUNS = 400, 4
 """Draws of a run, and independent runs."""
 _MOVES, _LAST, _THIN = 30, 60, 20

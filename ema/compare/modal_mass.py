@@ -15,6 +15,7 @@ LEAST = 0.01
 """Half width that a modal mass has at least: calibration and the foot of the force."""
 _POWER = {"displacement": 0, "velocity": 1, "acceleration": 2}
 _STEPS = 200
+"""Steps of the integration of an amplitude over time."""
 _WINDOW = 1
 """The window that is taken back: in the first one filters and the foot of the force still ring."""
 

@@ -22,6 +22,7 @@ from jaxtyping import Float
 from ema.compare.modal_laws import ModalLaw
 
 DRAWS = 2048
+"""Draws for a law, from its prior and about its posterior."""
 DISCREPANCY = ((0.1, 0.05), 1.2)
 """Medians for lambda and eta, and spread of the logarithm, of the discrepancy after one unit of log amplitude, over the
 loss. Set with 60 joints of ``tests/bench/synthetic_joints`` (seeds 1000 to 1059), measured with others."""
@@ -34,6 +35,7 @@ _LINEAR = (20.0, 1.0, 2.0)
 two), and up to ``_REACH`` times the highest amplitude."""
 _REACH = 2.0
 _NUGGET = 1e-8
+"""Variance that is added to the diagonal of a kernel, relative: a safeguard against rounding in its factors."""
 _ENOUGH = 300
 """Effective draws below which another set is drawn about the last one."""
 FEWEST = 50

@@ -18,6 +18,7 @@ SEEN = 13.3
 _CLEAR = 3.0
 """Distance of the largest damping from the mean, over its standard deviation, from which on it is a maximum."""
 _STEPS = 60
+"""Amplitudes at which an onset is looked for, evenly spaced in the logarithm, and none."""
 _FEWEST = 5
 """Levels from which on an onset is looked for."""
 

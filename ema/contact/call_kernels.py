@@ -18,10 +18,12 @@ from ema.compiled import inner
 # BY_GAP, of normal contacts: the normal force, and its slope by the way
 STIFFNESS, LIMIT, WAY, EXCESS, FORCE, SLOPE, BY_FORCE, CROSS, PRESSURE, BY_GAP = range(10)
 ROWS = 10
+"""Rows of that table."""
 # columns of the table of groups; ACROSS: rows from a contact to that of the same pair in the other direction, LINE: the
 # law in one direction that a law in two directions calls
 ADDRESS, FIRST, END, OWN, ACROSS, LINE = range(6)
 COLUMNS = 6
+"""Columns of that table."""
 
 _TABLE = nb.float64[:, ::1]
 _TABLES, _STATES = types.Tuple((_TABLE, nb.float64[:, :, ::1])), types.UniTuple(_TABLE, 2)

@@ -29,6 +29,7 @@ _SMALL = 1e-6
 # rows of the room
 REST, STEP, BASE, PRESSED, PUSH, MORE = range(6)
 ROOM = 6
+"""Vectors of the work array."""
 
 
 @inner

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 _TABLE_SIZE = 2049
+"""Places of a tabulated curve."""
 
 
 def virgin_rate(y: Float[np.ndarray, "*shape"], exponent: float) -> Float[np.ndarray, "*shape"]:

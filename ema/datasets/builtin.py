@@ -28,8 +28,11 @@ TRUTH = "truth.toml"
 
 _START = datetime(2026, 3, 16, 8, 0, tzinfo=UTC)
 _SAMPLING_RATE = 8192.0
+"""Hz."""
 _FULL_SCALES = (500.0, 200.0)
+"""Ranges of the two accelerometers, m/s^2."""
 _MEAN_FORCE, _SCATTER, _LOSS = 1020.0, 30.0, 25.0
+"""Normal force of a joint in N: mean at the start, scatter of the readings, and what settling takes off by the end."""
 
 
 def ensure(folder: Path, generator: str, progress: Progress = silent) -> bool:

@@ -18,6 +18,7 @@ from ema.simulate import FrictionRig, Masing, SnapBack, double_beam
 
 START = datetime(2026, 3, 25, 8, 0, tzinfo=UTC)
 SAMPLING_RATE, DURATION, REST = 8192.0, 1.6, 0.3
+"""Sampling rate in Hz, length of a record after the release and rest before it in s: chosen, the paper states none."""
 LOAD, TIP = 20.0, Dof(20, "+Z", "beam 2")
 MATERIAL = 0.001
 """Damping ratio of the sticking beams that the computation lacks."""

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 _DEGREES = 9
+"""Legendre polynomials in each direction."""
 
 
 @dataclass(frozen=True)

@@ -17,17 +17,23 @@ from ema.data import Geometry, ModalModel, poles_from
 from ema.dof import Dof
 
 LENGTH, WIDTH, MASS = 0.9, 0.5, 130.0
+"""Top of the table in m, and its mass in kg."""
 COLUMNS, ROWS = 10, 8
+"""Measured points along and across."""
 SKIRT_DEPTH, LEG_HEIGHT = 0.12, 0.42
+"""Height of the edge around the top, and of the legs, in m; neither is measured."""
 
 FREQUENCIES = np.array([499.0, 760.0, 1000.0, 1400.0, 1585.0, 1730.0, 1912.0, 2065.0, 2390.0, 2720.0, 3050.0, 3390.0])
 DAMPING = np.array([0.638, 0.52, 0.47, 0.58, 0.41, 0.66, 0.44, 0.72, 0.50, 0.60, 0.55, 0.60]) / 100
 SUSPENSION = np.array([2.8, 3.9, 4.6])
 SUSPENSION_DAMPING = 0.06
+"""Damping ratio of the rigid-body modes."""
 
 BEAM_MASS, JOINT_OFFSET = 6.5, 0.045
+"""Mass of the beam in kg, and height of its interface over the middle plane of the table in m."""
 JOINTS = np.array([[0.10, 0.15], [0.60, 0.15]])
 BEAM_FREQUENCY, BEAM_DAMPING = 492.0, 0.018
+"""Natural frequency in Hz and damping ratio that the first mode has with the beam."""
 
 ACCELEROMETERS = (Dof(1, "+Z"), Dof(67, "+Z"))
 

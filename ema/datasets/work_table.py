@@ -18,12 +18,18 @@ from ema.dof import Dof
 from ema.elements import Section, stepped_beam
 
 LENGTH, WIDTH, MASS = 0.9, 0.5, 130.0
+"""Top of the table in m, and its mass in kg: assumed."""
 COLUMNS, ROWS = 10, 8
+"""Measured points along and across."""
 FREQUENCIES = (499.0, 760.0, 1000.0, 1400.0)
+"""First natural frequencies in Hz that the plate is set to."""
 DAMPING = 0.00638
+"""Damping ratio of all elastic modes."""
 SUSPENSION, SUSPENSION_DAMPING = (2.8, 3.9, 4.6), 0.06
 _MODES = 13
+"""Elastic modes of the plate."""
 _BEAM_ELEMENTS = 4
+"""Finite elements of the beam between its joints."""
 BEAM = "beam"
 
 
@@ -138,8 +144,11 @@ PLACED = Setting(
 """Where `reports/table_placement.toml` puts a beam; friction and stiffness are not quite those that it assumes."""
 
 SENSOR = (0.10, 0.44)
+"""Where the accelerometer of the shaker tests sits, in m."""
 DRIVE_NODE, SENSOR_NODE = 91, 92
+"""Numbers of the points of the shaker and of that accelerometer."""
 JOINT_NODES = (101, 102)
+"""Numbers of the points of the joints."""
 
 
 def grid() -> dict[int, tuple[float, float]]:

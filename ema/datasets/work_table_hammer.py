@@ -16,12 +16,17 @@ from ema.simulate import FrictionRig, RovingHammer, VirtualRig
 from ema.simulate.rig import Rig
 
 SAMPLING_RATE = 4096.0
+"""Hz."""
 START = datetime(2026, 3, 20, 8, 0, tzinfo=UTC)
 ACCELEROMETERS = (Dof(1, "+Z"), Dof(67, "+Z"))
 FORCES = (1000.0, 5000.0, 10000.0)
+"""Normal forces of the joints in N."""
 PEAK, CONTACT_TIME, HITS, SPACING = 1000.0, 0.8e-3, 2, 0.9
+"""Peak force in N and contact time in s of the impacts, how many on a point, and their spacing in s."""
 _HOUR = 7200.0
+"""Seconds from run to run."""
 _SETTLING, _NOISE = 0.012, 2.0
+"""Share that settling takes off a normal force within a run, and scatter of its readings in N."""
 
 
 def run_name(force: float) -> str:

@@ -21,9 +21,12 @@ LEVELS, FORCES = (15, 30, 60), (50, 110, 240)
 MODE_1 = tuple(np.arange(474.0, 512.0, 1.0).tolist())
 MODE_3 = tuple(np.arange(966.0, 1051.0, 2.0).tolist())
 HITS, PEAK, CONTACT_TIME, SPACING = 2, 500.0, 0.4e-3, 0.9
+"""Impacts on a point, their peak force in N, contact time in s and spacing in s."""
 SAMPLING_RATE = 8192.0
 """Of the hammer test, whose impacts reach beyond 2 kHz."""
 _DAY, _PAUSE, _REFIT, _WAIT = 86400.0, 20.0, 300.0, 5.0
+"""Seconds of a day, between two conditions, for another mounting of the beam, and before the end of that for the
+reading of the normal force."""
 _SETTLING, _TIME, _UNEVEN = 0.02, 120.0, (0.02, -0.02)
 
 

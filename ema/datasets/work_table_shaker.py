@@ -16,6 +16,7 @@ from ema.progress import Progress, advance, silent
 from ema.simulate import FrictionRig, Shaker, SteppedSine, SweptShaker, VirtualRig
 
 SAMPLING_RATE = 4096.0
+"""Hz."""
 SHAKER = Shaker(damping=60.0, moving_mass=0.15, mount_mass=0.05)
 START = datetime(2026, 3, 23, 8, 0, tzinfo=UTC)
 MODE_1 = tuple(np.arange(462.0, 527.0, 1.0).tolist())
@@ -27,12 +28,17 @@ AGAIN = ((30, 300), (30, 100))
 CHIRPS = ((1.0, 4), (16.0, 2))
 """Periods in s of the periodic sweeps from 200 to 850 Hz, and how often they are run through."""
 CHIRP_LEVEL, CHIRP_FORCE = 30.0, 100.0
+"""Force amplitude and normal force in N of the periodic sweeps."""
 BAND = (200.0, 1350.0)
+"""Hz, of the slow sweep, which goes 20 Hz beyond either end."""
 
 STAY = 400 / SAMPLING_RATE
 """Time in s at each frequency."""
 _PAUSE, _REFIT, _WAIT = 20.0, 300.0, 5.0
+"""Seconds between two conditions, for another mounting of the beam, and before the end of that for the reading of the
+normal force."""
 _RING_STEP, _RING_NOISE = 0.5, 0.05
+"""Seconds between readings of a load cell, and their scatter in N, to which 5e-4 of the force is added."""
 _UNEVEN = (0.02, -0.02)
 _WEAR = 1.1
 """Contact stiffness after the joints have seen their highest normal force, over that before."""

@@ -24,7 +24,10 @@ its angle from sample to sample, above 0 up to a quarter of the rate.
 """
 
 _COMMON = 0.9
+"""Share of the records whose noise has to fall: a window is applied to all of them, and a tenth may hold something
+else."""
 _LATE = 0.05
+"""Share of a record at its end whose noise is compared with that before the impact."""
 
 
 def noise_decay(record: Recording, begin: int, rate: float) -> list[tuple[float, float]]:

@@ -20,6 +20,7 @@ EXCITED = 0.1
 """Force of a line over the largest within `_NEAR` lines, from which on it is excited. A shaker that drives a moving
 structure puts a few percent of distortion into its own force; a resonance lowers an excited line to a third."""
 _NEAR = 16
+"""Lines to either side among which the largest force is looked for."""
 DISTORTED = 0.005
 """Distortion at the lines left out, over the response, from which on a structure counts as not linear.
 

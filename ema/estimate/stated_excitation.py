@@ -55,7 +55,9 @@ Impacts have 0.005 and less, noise 0.44, sweeps 0.4 and more, bursts as many as 
 """
 
 _STRETCHES = 300
+"""Stretches of a force of which the momentary frequency is followed; not shorter than 24 samples."""
 _FEWEST_STRETCHES = 8
+"""Stretches from which on a share of the power in one line is a median over them."""
 
 _KINDS = {"sweep": mark("a sweep"), "random": mark("random"), "impacts": mark("impacts"), "steps": mark("steps")}
 _ADVICE = {

@@ -25,6 +25,8 @@ from ema.progress import Progress, silent
 from ema.shapes import smooth, with_body_uncertainty, with_plate, with_rigid_body
 
 _FAR = 0.05
+"""Distance of a target from the nearest mode, over its frequency, from which on there is no such mode: a wrong number
+in a recipe is refused instead of placed for."""
 _UNSUITABLE = ("holes", "unsolved", "joint-parts")
 """Findings that say why places do not count."""
 

@@ -13,7 +13,9 @@ from ema.place.predictor import predict
 from ema.place.task import Task
 
 LEAST_SHARE = 0.02
+"""Share of the total normal force that every joint has at least: with none it would be no joint."""
 _TOLERANCE = 5e-3
+"""Relative error of the simulation that is aimed at."""
 
 
 class Distribution(NamedTuple):

@@ -22,7 +22,9 @@ from ema.place.task import Task
 from ema.progress import Progress, advance, note, silent
 
 TOLERANCE = 1e-2
+"""Relative error of the simulation that is aimed at."""
 _WIDER = 0.05
+"""Part of a frequency by which bands are wider than the predicted frequencies of a mode."""
 _EDGE = 1e-3
 """A response that is largest this near the end of its band, relative, is the flank of another mode's peak."""
 _REACH = (0.01, 0.025)
@@ -32,6 +34,7 @@ The two differ by up to 0.1 % where the modes are well apart, and by half a half
 Half as much sends flat peaks to a second search; twice as much takes some peaks of neighbours.
 """
 _IN_FLIGHT = 32
+"""Questions that workers have at a time."""
 
 
 class Question(NamedTuple):

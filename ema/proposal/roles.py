@@ -238,6 +238,7 @@ def _decays(row: Float[np.ndarray, "sample"]) -> bool:
 
 
 _PARTS = 24
+"""Parts of a force in which the frequency of a sweep is looked for."""
 _MONOTONE = 0.9
 """Rank correlation of frequency with time above which a signal is a sweep; of noise it is below 0.5 with 24 parts."""
 

@@ -7,6 +7,7 @@ from typing import Any
 
 _BARE = re.compile(r"^[A-Za-z0-9_-]+$")
 _WIDE = 110
+"""Characters of a line beyond which a list is written over several."""
 
 
 def value_text(value: Any) -> str:

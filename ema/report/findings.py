@@ -13,6 +13,7 @@ _AS_DATA = mark("info")
 """How the table beside the report calls a remark."""
 IN_ENGLISH = mark("Verdicts, reasons and the sentences of some findings are in English, as they were computed.")
 _MOST_LISTED = 40
+"""Findings that the front page lists; the others stand in a table."""
 
 
 @dataclass

@@ -28,6 +28,7 @@ _WORDS = (
 )
 """Kinds of excitation, sequences of loading and quantities, as data say them."""
 _MOST_REJECTED = 40
+"""Rejected impacts up to which the page shows their table; the CSV file lists all."""
 
 
 def condition(run: RunResult, book: Book) -> list[Block]:

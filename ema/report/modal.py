@@ -16,7 +16,9 @@ from ema.show.polar import PER_FIGURE as _COMPLEXITY_PANELS
 from ema.show.shapes import PER_FIGURE as _SHAPE_PANELS
 
 _MOST_DRIVE_POINTS = 3
+"""Drive points whose FRFs are drawn."""
 _MOST_NAMED = 12
+"""Natural frequencies that the words beside a picture name; of the others they say how many there are."""
 
 
 def _missing(sentence: str) -> list[Block]:

@@ -9,6 +9,7 @@ from ema.report.blocks import Block, Picture, Text
 from ema.report.pictures import Image
 
 _LARGEST = 3_000_000
+"""Bytes of a photo beyond which it is not put into the page."""
 _SIGNATURES = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png", b"GIF8": "image/gif"}
 
 

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 _SVG: Any = {"svg.hashsalt": "friction-ema", "svg.fonttype": "path"}
 _DOTS_PER_INCH = 150
+"""Resolution of PNG pictures, and of images within SVG."""
 _ALWAYS_SVG = 50_000
 """Bytes below which no image of a figure is smaller."""
 

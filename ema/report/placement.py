@@ -35,6 +35,7 @@ _WORDS = (
 )
 """Heads and rows of the table of controlled forces, and objectives of all modes alike, as data say them."""
 _LINES = 4000
+"""Frequencies of a drawn FRF."""
 _BESIDE = 0.12
 """How far the predicted FRFs reach beyond the modes, relative."""
 

@@ -19,6 +19,7 @@ _STATED = ("stated-frequency", "stated-damping")
 _QUANTITIES = (mark("displacement"), mark("velocity"), mark("acceleration"))
 """What an amplitude measures, as data say it."""
 _DECADE = 10.0
+"""Ratio of the largest to the smallest amplitude from which on the axis is logarithmic."""
 
 
 @styled

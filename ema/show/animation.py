@@ -19,6 +19,7 @@ from ema.store.atomic import replacing, write_failure
 PERIOD = 1.6
 """Time [s] of one oscillation, as in the pages that move: slow enough to follow one point with the eye."""
 _WINDOW = (640, 480)
+"""Width and height of a picture in pixels."""
 _ROUNDS = 3
 """Oscillations in an MP4, whose players rarely repeat; a GIF holds one and repeats."""
 

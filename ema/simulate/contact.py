@@ -17,7 +17,10 @@ from ema.errors import FailureError, InputError
 LINEAR = "linear"
 _NAMES = (LINEAR, "power", "curve")
 _LEAST_STIFFNESS = 0.02
+"""Stiffness at rest that a normal contact counts with at least, over the largest: a safeguard for contacts that hardly
+bear."""
 _OPEN = 1e-9
+"""Force over the largest, or over their sum, up to which a contact is open: rounding."""
 
 
 def Unilateral() -> NormalContact:

@@ -25,9 +25,11 @@ from ema.simulate.structure import assemble
 PERIODS = 60.0
 """Length of a ring-down in periods of the mode."""
 SAMPLES_PER_PERIOD = 16
+"""Samples of the controller within a period of the mode."""
 WORTH = 0.1
 """Share of the energy integral of the best constant force that control has to save to be said to bring something."""
 _STEPS_PER_PERIOD = 320
+"""Time steps within a period of the mode."""
 _SWAY = 0.1
 """Frequency of a mode over that of the mode in question below which it is a sway on the suspension."""
 _REFINED = 11

@@ -20,6 +20,7 @@ NOW, SAMPLE, EVENTS, HALTED, PHASE, CHANGED = range(6)
 HORIZON = 0.02
 """s: a phase is begun anew after this time, so that rounding does not gather."""
 TERMS = 60
+"""Terms of a series at most: a bound on the work, for it ends where terms are rounding."""
 _ROUNDED = 10.0
 """Displacement over that of rounding up to which a spring beyond its limit is there by rounding: 1.2 was seen where
 springs stick and slip in turns without end. Larger ones carry energy that nothing would book."""

@@ -25,7 +25,9 @@ from ema.simulate.transient import Problem, displacement_findings, energy_findin
 _MEMORY = 2e8
 """Bytes for the modes of patterns that may come back."""
 _MOST_AT_ONCE = 50
+"""Events per contact without progress in time at most: beyond, sticking and slipping alternate without end."""
 _CHUNKS = 50
+"""Parts of a run after which progress is said."""
 
 
 @dataclass

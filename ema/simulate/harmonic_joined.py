@@ -20,6 +20,7 @@ from ema.simulate.harmonic import Condensed, _Point, with_harmonics
 from ema.simulate.transient import _State
 
 _MOST_PERIODS = 40
+"""Periods within which the states of a law have to close: a bound on the work."""
 _STEEPEST = 4.0
 """Largest factor on the exciting force, or on the slip forces, in a step towards them."""
 _LOOSE = 0.03

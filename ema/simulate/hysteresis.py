@@ -10,9 +10,13 @@ from ema.errors import InputError
 from ema.simulate.loops import enclosed_area
 
 _PLAY = 0.02
+"""Travel at constant force over the whole travel from which on a joint has play."""
 _SWING = 0.2
+"""Scatter of the normal force over its mean (rms) from which on a finding names it."""
 _IN_STEP = 0.7
+"""Correlation of the normal force with the size of the friction force from which on it follows from friction."""
 _FULL = 0.97
+"""Swing over the largest from which on a cycle counts as one of full amplitude."""
 
 
 def measured_loop(

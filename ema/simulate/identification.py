@@ -18,8 +18,12 @@ from ema.simulate.checks import positive
 from ema.simulate.loops import stabilised
 
 _SLIDES = 1.2
+"""Force that a spring k_T would bear at full amplitude, over the slip force, from which on a loop slides far enough to
+tell it."""
 _MOST_SAMPLES = 20_000
+"""Samples of a loop that are fitted: of more, every so many. A bound on the work."""
 _HARMONICS = 8
+"""Harmonics of a smoothed motion at most."""
 _SURE = 5.0
 """Standard deviations at which play is believed."""
 

@@ -10,6 +10,7 @@ from ema.errors import InputError
 from ema.simulate.checks import not_negative, positive
 
 _FEWEST = 8
+"""Samples of a cycle from which on it is a loop."""
 _NODES = 36.0 * np.linspace(0, 1, 161) ** 4
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _POINTS, _WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2

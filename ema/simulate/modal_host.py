@@ -10,6 +10,8 @@ from ema.dof import Dof
 from ema.errors import InputError
 
 _ABOVE = 20.0
+"""Frequency of the modes that stand for an upper residual term, over the highest of the model: their dynamics within
+the band are 1/400 of their flexibility at most."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from ema.compiled import compiled, fast, inner
 from ema.contact.linear_kernels import copy_into
 
 _CLOSE = 1e-7
+"""Change of a place, in rad, below which it is found: what it is needed for is of second order in its error."""
 
 
 @fast

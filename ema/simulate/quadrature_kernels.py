@@ -13,6 +13,7 @@ from ema.contact.call_kernels import ADDRESS, BY_FORCE, FORCE, LIMIT, SLOPE, STI
 from ema.simulate.period_kernels import motion, waves
 
 _STAGES = 4
+"""Points of Radau's rule on a panel: of order 7."""
 _PANELS, _PER_TURN = 3, 1.0
 """Panels of a quarter of a cycle at first, and further ones for every half turn of the highest order in it. They are
 where a refinement begins that is judged by its result."""

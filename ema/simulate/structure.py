@@ -16,6 +16,7 @@ from ema.simulate.interface import Parts, normal_rows, rocking_rows, tangential_
 from ema.simulate.modal_host import ModalCoordinates, modal_coordinates
 
 RIGID_FACTOR = 1000.0
+"""Stiffness of the spring that stands for rigid friction, over that of the structure that holds the contact."""
 _SPRING = FrictionLaw("masing", 1.0, 1.0)
 """What stands in the list of laws for a normal contact: a spring that never slides."""
 

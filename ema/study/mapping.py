@@ -21,7 +21,9 @@ KINDS = ("stepped sine", "sweep")
 _DOUBLING = (1.5, 3.2)
 """Ratios of two force levels between which they are compared like a doubling."""
 _EDGES = 0.2
+"""Share of the lines of a stepped sine, at both ends together, whose median force is that beside the resonance."""
 _GATE = 0.05
+"""Residual of the fit of one mode, over the norm of the FRFs, above which a finding says that its damping is biased."""
 _ABOUT = 0.1
 """Half width of the band about a mode that is looked at, relative."""
 

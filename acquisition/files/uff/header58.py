@@ -40,6 +40,8 @@ QUANTITY_CODES = {
 }
 """Specific data types of an axis that say what it measures (stress counts as a pressure)."""
 TIME, FRF, COHERENCE, MULTIPLE_COHERENCE = 1, 4, 6, 26
+"""Function types of data set 58, record 6 field 1 (universal file format): time response, FRF, coherence, multiple
+coherence."""
 RECORDS = 11
 """Lines of the header behind the line with the set's number."""
 

@@ -15,6 +15,8 @@ from ema.dof import Dof
 from ema.errors import InputError
 
 NORMAL, COMPLEX, COMPLEX_2 = 2, 3, 7
+"""Analysis types of data sets 55 and 2414 (universal file format): normal mode, complex eigenvalue of first order and
+of second order."""
 ANALYSES = {
     0: "unknown analysis",
     1: "static result",
