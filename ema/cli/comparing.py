@@ -42,8 +42,25 @@ class Release:
     start: Annotated[float, typer.Option("--start", help="Of releases: s of rest before it.", min=0)] = 0.0
 
 
-FROM_THE_START, IN_ENGLISH = Release(), Reporting()
-"""Defaults: a record without rest before the release; a report as a page in English."""
+@dataclass(frozen=True)
+class Updating:
+    """Which parameters of a model are identified from a map before it is compared, and what is known of its levels."""
+
+    update: Annotated[
+        str, typer.Option("--update", help="Parameters to identify first, e.g. friction_coefficient,contact_stiffness.")
+    ] = ""
+    levels: Annotated[
+        bool, typer.Option("--known-levels/--relative-levels", help="Whether the force levels are known in N.")
+    ] = True
+
+    @property
+    def free(self) -> list[str]:
+        """Names of the parameters."""
+        return [name.strip() for name in self.update.split(",") if name.strip()]
+
+
+FROM_THE_START, AS_IT_IS, IN_ENGLISH = Release(), Updating(), Reporting()
+"""Defaults: a record without rest before the release; a model that is not updated; a report as a page in English."""
 
 
 @ends_well
@@ -53,12 +70,7 @@ def compare(
         Path, typer.Argument(help="File with modes, a map that `ema map` wrote, or the record of a release.")
     ],
     model: Annotated[Path, typer.Argument(help="File with modes, a map or a record, or a model.toml with [map].")],
-    update: Annotated[
-        str, typer.Option("--update", help="Parameters to identify first, e.g. friction_coefficient,contact_stiffness.")
-    ] = "",
-    levels: Annotated[
-        bool, typer.Option("--known-levels/--relative-levels", help="Whether the force levels are known in N.")
-    ] = True,
+    updating: Updating = AS_IT_IS,
     release: Release = FROM_THE_START,
     geometry: Annotated[
         Path | None,
@@ -74,7 +86,6 @@ def compare(
     from ema.cli import screen
 
     wanted, spoken = split_formats(report.formats), checked_language(report.language)
-    free = [name.strip() for name in update.split(",") if name.strip()]
     content = _contents(measured)
     if geometry is not None and _is_model(model):
         raise InputError(
@@ -86,12 +97,12 @@ def compare(
         )
     with screen.Bars() as bars:
         if _is_model(model):
-            outcome = _against_model(content, measured, model, free, levels, bars)
-        elif free:
+            outcome = _against_model(content, measured, model, updating, bars)
+        elif updating.free:
             raise InputError(
                 "only a model file has parameters to identify",
                 where=str(model),
-                got=f"--update {update}",
+                got=f"--update {updating.update}",
                 expected="a model.toml",
                 advice="leave --update out",
             )
@@ -237,8 +248,7 @@ def _against_model(
     content: "ModalMap | ModalModel | Recording",
     measured: Path,
     path: Path,
-    free: list[str],
-    levels: bool,
+    updating: Updating,
     bars: Any,
 ) -> Outcome:
     import acquisition
@@ -266,8 +276,9 @@ def _against_model(
     tables: dict[str, Any] = {}
     contents: dict[str, Any] = {}
     findings: list[Any] = []
-    if free or not levels:
-        fitted = compare.update(model, content, free, at, output, band, known_level=levels, progress=bars)
+    if updating.free or not updating.levels:
+        known = updating.levels
+        fitted = compare.update(model, content, updating.free, at, output, band, known_level=known, progress=bars)
         model, findings = fitted.model, list(fitted.findings)
         tables["parameters"], contents["update"] = fitted.table(), fitted
     simulated = compare.measure(model, content, at, output, band, progress=bars)
