@@ -1,11 +1,13 @@
 """Roving accelerometers in several set-ups, from raw records: merged, with the frequency shift between them."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from ema import synthesis
+from ema import estimate, synthesis
 from ema.data import Channel, Condition, Excitation, ModalModel, Recording, Run, poles_from
 from ema.dof import Dof
 from ema.errors import InputError
@@ -66,6 +68,7 @@ def test_set_ups_with_other_pauses_between_the_blows_get_the_same_block():
     assert frfs.frequency_step == pytest.approx(1 / 0.75, rel=0.05)
 
 
+@cache
 def random_run(shakers: int) -> Run:
     """Random forces at the first points, beyond the band that is compared, 60 to 400 Hz; two set-ups."""
     drive = RandomShakers(DOFS[:shakers], 10.0, (20.0, 450.0), duration=20.0)
@@ -73,7 +76,24 @@ def random_run(shakers: int) -> Run:
     return Run("random", Condition(Excitation("random")), tuple(taken))
 
 
-def test_random_excitation_in_set_ups():
+@pytest.fixture(scope="module")
+def estimated_once() -> Iterator[None]:
+    """A set-up of random excitation is estimated once, for tests of what is done with its FRFs."""
+    shaker, known = estimate.shaker, {}
+
+    def once(run: Run, **more: object):
+        settings = {name: value for name, value in more.items() if name != "progress"}
+        key = (*map(id, run.recordings), repr(settings))
+        if key not in known:
+            known[key] = shaker(run, **more)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(estimate, "shaker", once)
+        yield
+
+
+def test_random_excitation_in_set_ups(estimated_once):
     frfs, hits = frfs_of(random_run(2), EstimateTable())
     assert hits is None and frfs.values.shape[1:] == (6, 2)
     inside = frfs.band(60, 400)
@@ -82,7 +102,7 @@ def test_random_excitation_in_set_ups():
 
 
 @pytest.mark.parametrize(("shakers", "mass"), [(1, 1.0), (2, 0.5)])
-def test_masses_of_the_mounts_are_taken_off_in_set_ups_as_well(shakers, mass):
+def test_masses_of_the_mounts_are_taken_off_in_set_ups_as_well(estimated_once, shakers, mass):
     """Cells read the force F on structure and mount; the FRFs between these are A, those behind the masses
     A (I - m A_dd)^-1, with the accelerances A_dd between the drive points."""
     frfs, _ = frfs_of(random_run(shakers), EstimateTable(mount_mass=mass))
