@@ -52,13 +52,13 @@ def fundamental(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
         patch = None if question.pressure is None else patches(model, question.pressure)
         for row, band in enumerate(question.bands):
             for number, level in enumerate(levels):
-                found, softer = _peak(question.targets[row], band, float(level), structure, contact, patch)
-                if question.fitted and np.isfinite(found[0]):
-                    width = BANDWIDTHS * found[1] * found[0]
-                    lines = np.linspace(found[0] - width, found[0] + width, LINES)
+                peak, softer = _peak(question.targets[row], band, float(level), structure, contact, patch)
+                if question.fitted and np.isfinite(peak[0]):
+                    width = BANDWIDTHS * peak[1] * peak[0]
+                    lines = np.linspace(peak[0] - width, peak[0] + width, LINES)
                     values = kernels.curve(lines, float(level), softer, contact) / level
-                    found = (*_fitted(lines, values, found[0], question), found[2])
-                result[row, :, number, column] = found
+                    peak = (*_fitted(lines, values, peak[0], question), peak[2])
+                result[row, :, number, column] = peak
     return result
 
 

@@ -159,15 +159,15 @@ def shapes_at(bare: ModalModel, at: Dof | str) -> Float[np.ndarray, "mode"]:
     InputError : it was not measured.
     """
     wanted = Dof.parse(at)
-    found = match([wanted], bare.dofs)
-    if not found:
+    matches = match([wanted], bare.dofs)
+    if not matches:
         raise InputError(
             "the DOF was not measured",
             where=bare.name,
             got=str(wanted),
             expected=f"one of {len(bare.dofs)} DOFs such as {bare.dofs[0]}",
         )
-    return np.asarray(np.real(bare.shapes[found[0][1]]) * found[0][2])
+    return np.asarray(np.real(bare.shapes[matches[0][1]]) * matches[0][2])
 
 
 def contact_stiffness(joint: BoltedJoint, forces: Float[np.ndarray, "force"]) -> Float[np.ndarray, "force"]:

@@ -168,8 +168,8 @@ def _records(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], err
         reader["axis"] = "rows" if rows else "columns"
         first = block[0] if rows else block[:, 0]
         if _axis_step(first) is not None and first[0] >= 0:
-            place = f"{name} {'row' if rows else 'column'} 0".strip()
-            return Described("records", reader | {"time": place}, evidence=f"{place} is the time axis")
+            axis = f"{name} {'row' if rows else 'column'} 0".strip()
+            return Described("records", reader | {"time": axis}, evidence=f"{axis} is the time axis")
         if rate is not None:
             return Described("records", reader | {"sampling_rate": rate}, evidence=f"sampling rate from {rate}")
         return Described("records", reader, needs_rate=True, evidence="a block of signals without a time axis")
