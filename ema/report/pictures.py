@@ -1,5 +1,6 @@
 """Figures as images."""
 
+import pickle
 from base64 import b64encode
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -37,7 +38,8 @@ class Drawing:
     def __init__(self, figure: Figure, png: bool, executor: Executor | None) -> None:
         self._figure: Figure | None = figure
         self._png = png
-        self._task = None if executor is None else executor.submit(drawn, figure, png)
+        # as bytes, for a scheduler takes objects apart on their way
+        self._task = None if executor is None else executor.submit(_drawn, pickle.dumps(figure), png)
         self._images: tuple[Image, Image | None] | None = None
         if self._task is None:
             self.images()
@@ -52,6 +54,10 @@ class Drawing:
                 self._images = drawn(self._figure, self._png)
             self._figure = self._task = None
         return self._images
+
+
+def _drawn(figure: bytes, png: bool) -> tuple[Image, Image | None]:
+    return drawn(pickle.loads(figure), png)
 
 
 def drawn(figure: Figure, png: bool = False) -> tuple[Image, Image | None]:

@@ -28,14 +28,14 @@ from tests.bench import blind, provenance, recordings
 from tests.unit import test_map_campaign
 
 RESULT = Path(__file__).with_name("results") / "machines.json"
-SEED, CHANNELS, SAMPLES, DRAWS = 20261128, 8, 2**15, 40
+SEED, CHANNELS, SAMPLES, DRAWS = 20261128, 8, 2**16, 40
 LEVELS, FORCES = (5, 10, 20, 40, 60, 80), tuple(range(50, 550, 50))
 
 
 def campaign(folder: Path, runs: int) -> None:
     """Random tests of a few channels, and the recipe of their study."""
     recordings.generate(folder / "campaign", runs, CHANNELS, SAMPLES, SEED)
-    (folder / "study.toml").write_text('campaign = "campaign"\n\n[estimate]\nblock = 1024\n', encoding="utf-8")
+    (folder / "study.toml").write_text('campaign = "campaign"\n\n[estimate]\nblock = 4096\n', encoding="utf-8")
 
 
 def of_campaign(folder: Path, executor: Executor, output: Path) -> list[Any]:
