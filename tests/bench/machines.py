@@ -28,7 +28,7 @@ from tests.bench import blind, provenance, recordings
 from tests.unit import test_map_campaign
 
 RESULT = Path(__file__).with_name("results") / "machines.json"
-SEED, CHANNELS, SAMPLES, DRAWS = 20261128, 8, 2**16, 40
+SEED, CHANNELS, SAMPLES, DRAWS = 20261128, 4, 2**16, 40
 LEVELS, FORCES = (5, 10, 20, 40, 60, 80), tuple(range(50, 550, 50))
 
 
