@@ -119,9 +119,11 @@ def test_signals_stay_on_disk_until_they_are_used(tmp_path: Path) -> None:
     run = acquisition.open_campaign(where)["bare"]
     assert [take.signals.shape[1] for take in run.recordings] == [20, 30]
     assert [take.name for take in run.recordings] == ["bare_2.h5, take", "bare_2.h5, take"]
+    unused = acquisition.open_campaign(where)["bare"]
     (where / "raw" / "bare_2.h5").unlink()
+    assert run.recordings[0].signals.shape[1] == 20, "read once while the campaign is open"
     with pytest.raises(InputError, match="no such file"):
-        run.recordings[0]
+        unused.recordings[0]
 
 
 def test_an_explicit_list_and_a_table_of_files_say_the_same(tmp_path: Path) -> None:
