@@ -2,7 +2,8 @@
 
 import pickle
 from base64 import b64encode
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
@@ -38,21 +39,25 @@ class Drawing:
     def __init__(self, figure: Figure, png: bool, executor: Executor | None) -> None:
         self._figure: Figure | None = figure
         self._png = png
-        # as bytes, for a scheduler takes objects apart on their way
-        self._task = None if executor is None else executor.submit(_drawn, pickle.dumps(figure), png)
+        self._task: Future[tuple[Image, Image | None]] | None = None
         self._images: tuple[Image, Image | None] | None = None
+        if executor is not None:
+            with suppress(Exception):  # a pool whose process died takes no task any more
+                # as bytes, for a scheduler takes objects apart on their way
+                self._task = executor.submit(_drawn, pickle.dumps(figure), png)
         if self._task is None:
             self.images()
 
     def images(self) -> tuple[Image, Image | None]:
         """As of `drawn`, waited for if need be; drawn here where the worker did not survive it."""
+        if self._task is not None:
+            with suppress(Exception):  # the worker died or has no room; a fault of the figure itself shows again here
+                self._images = self._task.result()
+            self._task = None
         if self._images is None:
             assert self._figure is not None
-            try:
-                self._images = drawn(self._figure, self._png) if self._task is None else self._task.result()
-            except Exception:  # a worker that died, or has no room: whatever is wrong with the figure shows here too
-                self._images = drawn(self._figure, self._png)
-            self._figure = self._task = None
+            self._images = drawn(self._figure, self._png)
+        self._figure = None
         return self._images
 
 

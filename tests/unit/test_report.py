@@ -488,3 +488,11 @@ def test_a_report_holds_few_figures_at_once_and_survives_their_workers(two_runs:
         path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=(executor := _Deferred(die)))
         assert path.read_bytes() == page.path.read_bytes()
         assert (executor.waiting, executor.most) == (0, 9)
+
+
+def test_a_report_is_drawn_here_where_the_processes_have_died(two_runs: StudyResult, page: Page, tmp_path: Path):
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        with pytest.raises(BrokenProcessPool):
+            pool.submit(os._exit, 1).result()
+        path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=pool)
+    assert path.read_bytes() == page.path.read_bytes()
