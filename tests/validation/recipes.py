@@ -1,8 +1,4 @@
-"""Recipes as users run them: by the command in a process of its own, which also spares them the shape checker.
-
-The pictures of their reports are made and not rendered, which takes a quarter of the time of a recipe; those of a
-demonstration are.
-"""
+"""Recipes as users run them: by the command in a process of its own, which also spares them the shape checker."""
 
 import os
 import subprocess
@@ -12,20 +8,13 @@ from pathlib import Path
 from ema.data import StudyResult
 from ema.store import load
 
-RENDERED = "from ema.cli import main\nmain()\n"
-UNRENDERED = f"""
-from ema.report import pictures
-pictures.drawn = lambda figure, png: (pictures.Image(bytes(20_000), "image/png"), None)
-{RENDERED}"""
-"""The command, and the command with pictures that have a size alone."""
-
 
 def run_recipe(recipe: Path, output: Path, datasets: Path | None = None) -> StudyResult:
     """The stored result of ``ema run``; its status is 0 when every expected number and verdict is met."""
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     if datasets is not None:
         environment["EMA_DATASETS"] = str(datasets)
-    return result_of(["run", recipe, "--output", output], output / f"{recipe.stem}.h5", environment, code=UNRENDERED)
+    return result_of(["run", recipe, "--output", output], output / f"{recipe.stem}.h5", environment)
 
 
 def result_of(
@@ -34,10 +23,9 @@ def result_of(
     environment: dict[str, str],
     said: str = "expected numbers met",
     cwd: Path = Path(),
-    code: str = RENDERED,
 ) -> StudyResult:
     """What the command has stored beside its report when it ended with status 0."""
-    command = [sys.executable, "-c", code, *words]
+    command = [sys.executable, "-m", "ema", *words]
     done = subprocess.run(command, env=environment, cwd=cwd, capture_output=True, text=True, timeout=1100)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     assert "expected numbers met" in done.stdout and said in done.stdout
