@@ -1,9 +1,10 @@
 """Two workers against one: ``python -m tests.bench.machines --folder SCRATCH``.
 
 A campaign of 40 random tests, a map of 60 conditions and hosts of the blind bench are computed on a Dask cluster of one
-worker process and on one of two, each with one thread, and have to give the same numbers. Wall clock runs from the opening of the
-campaign to its report, without the start of the workers and what they import; other work on the machine disturbs it, so
-that the processor time of each worker stands beside it. ``--publish`` stores the figures for docs/large.md.
+worker process and on one of two, each with one thread, and have to give the same numbers. Wall clock runs from the
+opening of the campaign to its report, without the start of the workers and what they import; other work on the machine
+disturbs it, so that the processor time of each worker stands beside it. ``--publish`` stores the figures, which
+docs/large.md shows.
 """
 
 import argparse
