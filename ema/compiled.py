@@ -6,8 +6,8 @@ before a function is called for the first time.
 
 A compiled function carries copies of those that it calls, in each of which the compiler may have put sums in another
 order, and the linker takes the first one that the process has. So each function is linked by itself, from what is kept,
-also in the process that has just compiled it: results do not depend on who compiled, nor on what was called before. Where
-nothing can be kept, Numba links as it does, and last digits may differ.
+also in the process that has just compiled it: results do not depend on who compiled, nor on what was called before.
+Where nothing can be kept, Numba links as it always does, and last digits may differ.
 """
 
 import hashlib
