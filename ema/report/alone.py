@@ -1,6 +1,7 @@
 """Reports of single results without a study: a placement, a comparison with its verdict, what was simulated."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -178,7 +179,7 @@ def _map_comparisons(found: Mapping[str, MapComparison], book: Book) -> Group:
         measured = one.measured
         blocks.append(
             book.picture(
-                show.map_comparison(one),
+                partial(show.map_comparison, one),
                 text(
                     "Damping and frequency over the normal force, measured and simulated. {verdict}",
                     verdict=one.verdict,
@@ -319,7 +320,7 @@ def _motions(found: Mapping[str, Response], book: Book) -> Group:
     names = [_short(name) for name in found]
     blocks: list[Block] = [
         book.picture(
-            show.motion(list(found.values()), names),
+            partial(show.motion, list(found.values()), names),
             text("Motion over time of {names}, and the energy left.", names=", ".join(names)),
             text("Displacement over time, and the mechanical and contact energy over that at the start."),
         )
@@ -330,7 +331,7 @@ def _motions(found: Mapping[str, Response], book: Book) -> Group:
                 "Contacts at {name}: friction force over relative displacement, and the energy that each took.",
                 name=name,
             )
-            blocks.append(book.picture(show.contact_loops(one), caption, caption))
+            blocks.append(book.picture(partial(show.contact_loops, one), caption, caption))
     rows: list[tuple[Cell, ...]] = [
         (
             name,
@@ -354,7 +355,7 @@ def _motions(found: Mapping[str, Response], book: Book) -> Group:
 
 def _steady(found: Mapping[str, HarmonicResponse], book: Book) -> Group:
     names = [name.removeprefix("steady states ") for name in found]
-    figure = show.steady_states(list(found.values()), names)
+    make = partial(show.steady_states, list(found.values()), names)
     caption = text(
         "Steady states over the excitation frequency: first harmonic over force, and the share of higher ones."
     )
@@ -373,7 +374,7 @@ def _steady(found: Mapping[str, HarmonicResponse], book: Book) -> Group:
         )
     columns = (text("State"), "F_E [N]", text("f of the peak [Hz]"), text("Peak [µm]"), text("Solved"))
     table = book.table("steady_states", text("The highest response of each state."), columns, rows)
-    return [], [book.picture(figure, text("Steady states: {names}.", names=", ".join(names)), caption), table]
+    return [], [book.picture(make, text("Steady states: {names}.", names=", ".join(names)), caption), table]
 
 
 def _cells(rows: Any) -> Iterator[Sequence[Cell]]:

@@ -1,6 +1,7 @@
 """Modes over their amplitude: a picture and a table of the levels."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list
     if stepped:
         names = ", ".join(mode.name for mode in stepped)
         alt = text("Frequency and damping over the amplitude: {names}.", names=names)
-        blocks.append(book.picture(show.amplitude_modes(stepped), alt, _caption(stepped)))
+        blocks.append(book.picture(partial(show.amplitude_modes, stepped), alt, _caption(stepped)))
         blocks.append(_levels(stepped, book, "amplitude_modes", _caption(stepped)))
     return blocks
 
@@ -110,7 +111,7 @@ def _pictures(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block
             groups.append([mode])
     return [
         book.picture(
-            show.amplitude_modes(group),
+            partial(show.amplitude_modes, group),
             text(
                 "Frequency and damping over the amplitude, from ring-downs: {modes}.",
                 modes=", ".join(mode.name for mode in group),
@@ -180,7 +181,7 @@ def _shapes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
     shaped = [mode for mode in modes if mode.shape is not None and len(mode.dofs) > 1]
     blocks: list[Block] = [
         book.picture(
-            show.amplitude_shapes(mode),
+            partial(show.amplitude_shapes, mode),
             text("Shape of {mode} over the amplitude.", mode=mode.name),
             text(
                 "Shape of {mode} at the responses over the amplitude, 1 at the response to which the amplitudes "

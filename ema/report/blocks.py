@@ -2,7 +2,7 @@
 
 import re
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
@@ -10,12 +10,10 @@ from matplotlib.figure import Figure
 
 from ema.report.numbers import Value
 from ema.report.pictures import Drawing, Image
-from ema.show.style import WIDTH
 
 Cell = str | int | Value
 _AHEAD = 8
-"""Figures that an executor may have at once: each holds its FRFs. One process makes figures about five times as fast as
-another one draws them."""
+"""Figures that an executor may have at once: each goes there with its FRFs."""
 
 
 @dataclass(frozen=True)
@@ -29,16 +27,12 @@ class Text:
 
 @dataclass(frozen=True)
 class Picture:
-    """An image with its alternative text and caption; ``width`` in percent of the page.
-
-    Photographs carry no number.
-    """
+    """An image with its alternative text and caption; photographs carry no number."""
 
     number: int | None
     content: Drawing | Image
     alt: str
     caption: str
-    width: int
     kind: str = "picture"
 
     @property
@@ -50,6 +44,11 @@ class Picture:
     def png(self) -> Image | None:
         """The same picture for programs that take no vectors, if that was asked for."""
         return self.content if isinstance(self.content, Image) else self.content.images()[1]
+
+    @property
+    def width(self) -> int:
+        """In percent of the page."""
+        return self.image.width
 
     @property
     def source(self) -> str:
@@ -113,7 +112,7 @@ class Section:
 class Book:
     """Numbers figures and tables in the order in which they are made, and keeps the tables for their CSV files.
 
-    ``png`` asks for every figure as PNG too; an ``executor`` draws them while others are made.
+    ``png`` asks for every figure as PNG too; an ``executor`` makes and draws them while others are described.
     """
 
     def __init__(self, png: bool = False, executor: Executor | None = None) -> None:
@@ -124,15 +123,14 @@ class Book:
         self._pictures = 0
         self._names: set[str] = set()
 
-    def picture(self, figure: Figure, alt: str, caption: str) -> Picture:
-        """A numbered figure."""
+    def picture(self, make: Callable[[], Figure], alt: str, caption: str) -> Picture:
+        """A numbered figure, made and drawn here or by the executor."""
         self._pictures += 1
-        width = min(100, round(100 * figure.get_figwidth() / WIDTH))
-        drawing = Drawing(figure, self._png, self._executor)
+        drawing = Drawing(make, self._png, self._executor)
         self._on_the_way.append(drawing)
         if len(self._on_the_way) > _AHEAD:
             self._on_the_way.popleft().images()
-        return Picture(self._pictures, drawing, alt, caption, width)
+        return Picture(self._pictures, drawing, alt, caption)
 
     def table(
         self, name: str, caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]], shown: int | None = None

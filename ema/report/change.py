@@ -1,5 +1,7 @@
 """What the beam does to the structure: MAC between runs, and FRFs before and after."""
 
+from functools import partial
+
 import numpy as np
 
 from ema import show
@@ -49,7 +51,8 @@ def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
             low=fixed(min(alike), 2),
             high=fixed(max(alike), 2),
         )
-    figure = show.mac_matrix(
+    make = partial(
+        show.mac_matrix,
         np.asarray(comparison.mac),
         names[0],
         [label.split(":")[0] for label in names[1]],
@@ -58,7 +61,7 @@ def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
     )
     return [
         book.picture(
-            figure,
+            make,
             text(
                 "MAC between modes of {base} and {run}: {summary}.", base=base.run.id, run=other.run.id, summary=summary
             ),
@@ -126,12 +129,16 @@ def _overlay(runs: list[RunResult], book: Book) -> list[Block]:
         if driven
         else text("{frf}, the strongest FRF that all runs have, for want of a drive point", frf=frf)
     )
-    figure = show.frf_overlay(
-        [run.frfs for run in runs], places, [f"{run.run.id}: {condition_text(run)}" for run in runs], _band(runs)
+    make = partial(
+        show.frf_overlay,
+        [run.frfs for run in runs],
+        places,
+        [f"{run.run.id}: {condition_text(run)}" for run in runs],
+        _band(runs),
     )
     return [
         book.picture(
-            figure,
+            make,
             text("FRF {which}, in runs {names}.", which=which, names=names),
             text("FRF before and after: {which}.", which=which),
         )

@@ -1,5 +1,7 @@
 """A forecast of a placed beam in a report, with what was measured afterwards."""
 
+from functools import partial
+
 import numpy as np
 from scipy.stats import binom
 
@@ -62,7 +64,7 @@ def forecast_blocks(prediction: Forecast | ForecastCheck, book: Book) -> list[Bl
     return [
         *lead,
         book.picture(
-            show.forecast_bands(prediction),
+            partial(show.forecast_bands, prediction),
             text("Predicted frequency and damping with {where}, with 95 % bands.", where=where) + note,
             text(
                 "Frequency and damping with {where}: prediction (dash) and 95 % band from {draws} draws of shapes, "

@@ -1,6 +1,7 @@
 """Friction measured directly: ring-downs with their phases, and hysteresis loops."""
 
 from collections.abc import Sequence
+from functools import partial
 from math import isfinite
 
 import numpy as np
@@ -79,7 +80,7 @@ def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
         names = [_named(decay, number) for number, decay in enumerate(shown, start + 1)]
         blocks.append(
             book.picture(
-                show.ring_down(shown, names),
+                partial(show.ring_down, shown, names),
                 text(
                     "Ring-down of {names}: amplitude over time, frequency and damping over amplitude.",
                     names=", ".join(names),
@@ -163,7 +164,7 @@ def loops(measured: Sequence[Loop], book: Book) -> list[Block]:
         shown, labels = measured[start : start + _TOGETHER], names[start : start + _TOGETHER]
         blocks.append(
             book.picture(
-                show.hysteresis(shown, labels),
+                partial(show.hysteresis, shown, labels),
                 text("Hysteresis loops of {names}: force over relative displacement.", names=", ".join(labels)),
                 text(
                     "Force over relative displacement; the enclosed area is the energy that the joint "

@@ -1,5 +1,6 @@
 """Maps of a mode over excitation and normal force, and statements of a publication beside them."""
 
+from functools import partial
 from itertools import groupby
 from typing import get_args
 
@@ -168,7 +169,7 @@ def map_blocks(one: MapResult, book: Book) -> list[Block]:
     blocks: list[Block] = [
         Text(sentence),
         book.picture(
-            show.damping_map(chart),
+            partial(show.damping_map, chart),
             f"{text('Damping of {name} over F_E and F_N.', name=name)} {sentence}",
             text("Damping ratio of {name} from steady states of the model; the line joins the best F_N.", name=name)
             if one.chart.method == "frozen"
@@ -177,12 +178,12 @@ def map_blocks(one: MapResult, book: Book) -> list[Block]:
             ),
         ),
         book.picture(
-            show.frequency_map(chart),
+            partial(show.frequency_map, chart),
             text("Natural frequency of {name} over F_E and F_N.", name=name),
             text("Natural frequency of {name}.", name=name),
         ),
         book.picture(
-            show.damping_curves(chart),
+            partial(show.damping_curves, chart),
             text("Damping of {name} over the excitation at every normal force.", name=name),
             text(
                 "Damping of {name} at every normal force, with 95 % bars of the fit: over the force "

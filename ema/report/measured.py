@@ -1,5 +1,6 @@
 """The measurement side of a run: condition, impacts, FRFs and their coherence."""
 
+from functools import partial
 from math import isfinite
 
 import numpy as np
@@ -112,11 +113,10 @@ def _normal_force(run: RunResult, book: Book) -> list[Block]:
     ]
     caption = text("Normal force of run {run} (± one standard deviation over the run).", run=name)
     forces = ", ".join(f"{joint.joint} {joint_force(joint.mean, joint.std)} N" for joint in joints[:8])
-    figure = show.normal_force(run.run.condition)
     return [
         book.table(f"normal_force_{name}", caption, columns, rows),
         book.picture(
-            figure,
+            partial(show.normal_force, run.run.condition),
             text("Normal force of run {run}: {forces}.", run=name, forces=forces),
             text("Normal force of each joint of run {run}.", run=name),
         ),
@@ -142,13 +142,13 @@ def impacts(run: RunResult, book: Book) -> list[Block]:
             **counts,
             reasons="; ".join(reasons[:5]),
         )
-    blocks: list[Block] = [book.picture(show.hits(gallery, unit), alt, caption)]
+    blocks: list[Block] = [book.picture(partial(show.hits, gallery, unit), alt, caption)]
     if accepted:
         ten, twenty = (short(float(f"{frequency:.4g}")) for frequency in gallery.usable_band)
         ends = {"ten": ten, "twenty": twenty}
         blocks.append(
             book.picture(
-                show.force_spectrum(gallery),
+                partial(show.force_spectrum, gallery),
                 text(
                     "Run {run}: the force autospectrum has fallen by 10 dB at {ten} Hz and by 20 dB at {twenty} Hz.",
                     run=name,
@@ -185,7 +185,7 @@ def overview(run: RunResult, book: Book) -> list[Block]:
     ends = {"low": short(frfs.frequencies[0]), "high": short(frfs.frequencies[-1])}
     blocks: list[Block] = [
         book.picture(
-            show.frf_overview(frfs, run.modes),
+            partial(show.frf_overview, frfs, run.modes),
             text(
                 "Magnitude of the {number} FRFs of run {run} from {low} to {high} Hz.", number=number, run=name, **ends
             ),
@@ -198,7 +198,7 @@ def overview(run: RunResult, book: Book) -> list[Block]:
     median = plain(float(np.median(np.nan_to_num(frfs.coherence))), 3)
     blocks.append(
         book.picture(
-            show.coherence(frfs, run.modes),
+            partial(show.coherence, frfs, run.modes),
             text("Coherence of run {run}: median over all lines and FRFs {median}.", run=name, median=median),
             text("Coherence (median over all lines and FRFs {median}).", median=median),
         )

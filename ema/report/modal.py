@@ -1,9 +1,13 @@
 """The modal side of a run: stabilisation, synthesised FRFs, AutoMAC, shapes, complexity."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
+from matplotlib.figure import Figure
 
 from ema import show
-from ema.data import Geometry, RunResult
+from ema.data import FrfSet, Geometry, ModalModel, PoleTable, RunResult
 from ema.fit import cmif
 from ema.messages import text
 from ema.report.blocks import Block, Book, Text
@@ -43,8 +47,6 @@ def stabilisation(run: RunResult, book: Book) -> list[Block]:
     poles, name = run.poles, run.run.id
     if poles is None:
         return _missing(text("There is no stabilisation diagram: the modes were not found through model orders."))
-    behind = cmif(run.frfs)
-    figure = show.stabilisation(poles, run.modes, run.frfs.frequencies, behind)
     named = [short(frequency) for frequency in run.modes.natural_frequencies[:_MOST_NAMED]]
     more = len(run.modes.poles) - len(named)
     marked = text("no mode was selected")
@@ -67,7 +69,11 @@ def stabilisation(run: RunResult, book: Book) -> list[Block]:
         number=len(poles.poles),
         marked=marked,
     )
-    return [book.picture(figure, alt, caption)]
+    return [book.picture(partial(_over_cmif, poles, run.modes, run.frfs), alt, caption)]
+
+
+def _over_cmif(poles: PoleTable, modes: ModalModel, frfs: FrfSet) -> Figure:
+    return show.stabilisation(poles, modes, frfs.frequencies, cmif(frfs))
 
 
 def reconstruction(run: RunResult, book: Book) -> list[Block]:
@@ -104,7 +110,7 @@ def reconstruction(run: RunResult, book: Book) -> list[Block]:
     ]
     return [
         book.picture(
-            show.reconstruction(frfs, run.reconstruction, places, titles, run.modes),
+            partial(show.reconstruction, frfs, run.reconstruction, places, titles, run.modes),
             text("Measured and synthesised FRFs of run {run}: {drawn}.", run=name, drawn=drawn),
             text(
                 "Measured and synthesised: best, median and worst by error, and drive points; dotted "
@@ -112,7 +118,7 @@ def reconstruction(run: RunResult, book: Book) -> list[Block]:
             ),
         ),
         book.picture(
-            show.error_map(error, frfs.outputs, frfs.inputs),
+            partial(show.error_map, error, frfs.outputs, frfs.inputs),
             text("Error of each synthesised FRF of run {run}: {errors}.", run=name, errors=errors),
             text(
                 "Error of each synthesised FRF, norm of the difference over norm of the measured FRF ({errors}).",
@@ -177,9 +183,9 @@ def auto_mac(run: RunResult, book: Book) -> list[Block]:
         second=column + 1,
     )
     labels = [f"{mode}: {short(float(f'{f:.4g}'))} Hz" for mode, f in enumerate(modes.natural_frequencies, 1)]
-    figure = show.mac_matrix(table, labels, [str(mode) for mode in range(1, len(table) + 1)])
+    make = partial(show.mac_matrix, table, labels, [str(mode) for mode in range(1, len(table) + 1)])
     caption = text("AutoMAC over {number} DOFs ({largest}).", number=len(modes.dofs), largest=largest)
-    return [book.picture(figure, text("AutoMAC of run {run}: {largest}.", run=name, largest=largest), caption)]
+    return [book.picture(make, text("AutoMAC of run {run}: {largest}.", run=name, largest=largest), caption)]
 
 
 def _pages(number: int, size: int) -> list[range]:
@@ -230,21 +236,20 @@ def shapes(run: RunResult, geometry: Geometry | None, book: Book) -> list[Block]
     unmeasured = ""
     if geometry is not None and not expand(modes, geometry).measured.all():
         unmeasured = " " + text("Points that were not measured follow their neighbours.")
+    make: Callable[[], Figure]
     for page in _pages(len(modes.poles), _SHAPE_PANELS):
         listed = ", ".join(
             text("{mode} at {frequency} Hz", mode=mode + 1, frequency=short(modes.natural_frequencies[mode]))
             for mode in page
         )
         if geometry is None:
-            figure = show.shapes_over_dofs(modes, page)
+            make = partial(show.shapes_over_dofs, modes, page)
             caption = text("Shapes of {modes} over the DOFs.", modes=_named(page))
         else:
-            figure = show.mode_shapes(modes, geometry, page)
+            make = partial(show.mode_shapes, modes, geometry, page)
             caption = text("Shapes of {modes} with natural frequency and damping; at rest in grey.", modes=_named(page))
             caption += unmeasured
-        blocks.append(
-            book.picture(figure, text("Mode shapes of run {run}: {listed}.", run=name, listed=listed), caption)
-        )
+        blocks.append(book.picture(make, text("Mode shapes of run {run}: {listed}.", run=name, listed=listed), caption))
     return blocks
 
 
@@ -265,7 +270,7 @@ def complexity(run: RunResult, book: Book) -> list[Block]:
     """
     return [
         book.picture(
-            show.complexity(run.modes, page),
+            partial(show.complexity, run.modes, page),
             text("Complexity plots of run {run}, {modes}.", run=run.run.id, modes=_named(page)),
             text(
                 "Complexity of {modes}: every DOF is a line from the origin; a real mode lies on one "

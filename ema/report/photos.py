@@ -14,20 +14,23 @@ _SIGNATURES = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png",
 
 
 @dataclass(frozen=True)
-class _Refusals:
-    """Why an image is not shown."""
+class _Kind:
+    """An image of a campaign: its width in percent of the page, and why it is not shown."""
 
+    width: int
     unread: str
     unknown: str
     large: str
 
 
-_LOGO = _Refusals(
+_LOGO = _Kind(
+    20,
     mark("The logo {name} cannot be read: {error}."),
     mark("The logo {name} is not shown: it is neither JPEG, PNG nor GIF."),
     mark("The logo {name} is not shown: {size} MB, limit {limit} MB."),
 )
-_PHOTOGRAPH = _Refusals(
+_PHOTOGRAPH = _Kind(
+    60,
     mark("The photograph {name} cannot be read: {error}."),
     mark("The photograph {name} is not shown: it is neither JPEG, PNG nor GIF."),
     mark("The photograph {name} is not shown: {size} MB, limit {limit} MB."),
@@ -44,10 +47,10 @@ def logo(campaign: Campaign) -> Block | None:
     if not campaign.logo:
         return None
     image = _image(Path(campaign.folder), campaign.logo, _LOGO)
-    return image if isinstance(image, Text) else Picture(None, image, text("Logo"), "", 20)
+    return image if isinstance(image, Text) else Picture(None, image, text("Logo"), "")
 
 
-def _image(folder: Path, name: str, what: _Refusals) -> Image | Text:
+def _image(folder: Path, name: str, what: _Kind) -> Image | Text:
     """The image in a file, or why it cannot be shown."""
     try:
         content = (folder / name).read_bytes()
@@ -60,7 +63,7 @@ def _image(folder: Path, name: str, what: _Refusals) -> Image | Text:
         sizes = {"size": f"{len(content) / 1e6:.1f}", "limit": f"{_LARGEST / 1e6:.0f}"}
         sentence = text(what.large, name=name, **sizes)
         return Text(sentence, missing=True)
-    return Image(content, mime)
+    return Image(content, mime, what.width)
 
 
 def _photo(folder: Path, name: str) -> Block:
@@ -68,4 +71,4 @@ def _photo(folder: Path, name: str) -> Block:
     if isinstance(image, Text):
         return image
     alt = text("Photograph of the test: {name}", name=Path(name).name)
-    return Picture(None, image, alt, Path(name).stem.replace("_", " "), 60)
+    return Picture(None, image, alt, Path(name).stem.replace("_", " "))

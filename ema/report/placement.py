@@ -1,6 +1,7 @@
 """Where the beam goes, in a report: the answer, the map, the ranking, FRFs before and after, a controlled force."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
     )
     return [
         book.picture(
-            show.placement_map(placement),
+            partial(show.placement_map, placement),
             text(
                 "Map of {number} places of the beam on the structure; the best is {where}.",
                 number=len(ranking.scores),
@@ -115,7 +116,7 @@ def _force(placement: Placement, book: Book) -> list[Block]:
         rows.append(row)
     return [
         book.picture(
-            show.recommended_force(placement),
+            partial(show.recommended_force, placement),
             text("Recommended normal force over excitation force, and damping."),
             text("Recommended normal force of every joint at the best place, and the damping it brings."),
         ),
@@ -149,7 +150,7 @@ def _predicted(placement: Placement, book: Book) -> list[Block]:
     names = [state[0] for state in states]
     return [
         book.picture(
-            show.frf_overlay(sets, [(0, 0)] * len(sets), names),
+            partial(show.frf_overlay, sets, [(0, 0)] * len(sets), names),
             text("Predicted FRF from the excited point to the observed one: {names}.", names=", ".join(names)),
             text(
                 "FRF from the excited point to the observed one, of the target modes alone: {names}; "
@@ -185,7 +186,7 @@ def _control(placement: Placement, book: Book) -> list[Block]:
     return [
         Text(study.verdict),
         book.picture(
-            show.control_gain(study),
+            partial(show.control_gain, study),
             text("Energy over time after a release under constant and controlled force."),
             text(
                 "Left: release from {load} N at the excited point. Right: steady vibration over the "

@@ -143,7 +143,7 @@ def test_a_figure_is_drawn_once_for_each_format_and_is_what_savefig_writes(
     figures = [Figure(figsize=(4, 3), layout="constrained") for _ in range(3)]
     for figure in figures:
         axes = figure.subplots(1, 2)
-        axes[0].plot(np.random.default_rng(3).normal(size=4000), label="noise")
+        axes[0].plot(np.random.default_rng(3).normal(size=4000), ".", label="noise")
         axes[1].set(ylabel="A long label\nof two lines", title="Title")
         figure.legend()
     saved = []
@@ -478,9 +478,27 @@ class _Deferred(Executor):
 
 
 def test_figures_drawn_by_other_processes_are_the_same(two_runs: StudyResult, page: Page, tmp_path: Path):
+    german = ema.report.write(two_runs, tmp_path / "de.html", language="de").read_bytes()
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=pool)
+        spoken = ema.report.write(two_runs, tmp_path / "de.html", language="de", executor=pool).read_bytes()
     assert path.read_bytes() == page.path.read_bytes()
+    assert spoken == german != path.read_bytes()
+
+
+def test_an_executor_makes_every_figure(two_runs: StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Nothing that cannot be sent is made here without a word."""
+    made: list[object] = []
+    monkeypatch.setattr(pictures, "drawn", lambda figure, png: made.append(figure) or _NOTHING)
+    ema.report.write(two_runs, tmp_path / "here.html")
+    here, made[:] = len(made), []
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        ema.report.write(two_runs, tmp_path / "there.html", executor=pool)
+    assert here > 10 and not made
+
+
+_NOTHING = pictures.Image(b"", "image/png"), None
+"""A figure drawn as nothing."""
 
 
 def test_a_report_holds_few_figures_at_once_and_survives_their_workers(two_runs: StudyResult, page: Page, tmp_path):
