@@ -64,7 +64,9 @@ def modes(measured: ModalModel, model: ModalModel, threshold: float = 0.5) -> Mo
         by_dof,
         paired.dofs,
         (unpaired[0], unpaired[1]),
-        _verdict(frequency, values, (unpaired[0], unpaired[1])),
+        _verdict(
+            frequency, values, (unpaired[0], unpaired[1]), [i for (i, _), k in zip(paired.pairs, paired.rivals) if k]
+        ),
         mac_uncertainty(measured, model, paired.pairs).std if known else None,
     )
 
@@ -91,7 +93,9 @@ def _significance(
     )
 
 
-def _verdict(frequency: np.ndarray, values: np.ndarray, unpaired: tuple[tuple[int, ...], tuple[int, ...]]) -> Verdict:
+def _verdict(
+    frequency: np.ndarray, values: np.ndarray, unpaired: tuple[tuple[int, ...], tuple[int, ...]], doubtful: list[int]
+) -> Verdict:
     said = [
         f"{len(values)} modes are paired"
         + (f", MAC from {values.min():.2f} to {values.max():.2f}." if len(values) else ".")
@@ -104,6 +108,11 @@ def _verdict(frequency: np.ndarray, values: np.ndarray, unpaired: tuple[tuple[in
         said.append(f"The largest difference in frequency is {shift:+.1f} % at {frequency[worst, 0]:.4g} Hz.")
     if unlike:
         said.append(f"{len(unlike)} of the pairs have a MAC below {ALIKE}.")
+    if doubtful:
+        said.append(
+            "The shapes at the common DOFs do not tell for certain which simulated mode belongs to measured "
+            f"{', '.join(str(mode + 1) for mode in doubtful)}."
+        )
     for whose, rest in zip(("measured", "simulated"), unpaired, strict=True):
         if rest:
             said.append(f"{len(rest)} {whose} modes have no partner: {', '.join(str(mode + 1) for mode in rest)}.")

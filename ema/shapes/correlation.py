@@ -190,9 +190,16 @@ def frac(a: Inexact[np.ndarray, "freq *frf"], b: Inexact[np.ndarray, "freq *frf"
 
 
 _SURE = 0.9
-"""MAC from which on a pair is taken for the same mode, whatever else resembles it."""
+"""MAC from which on a shape is taken for that of the mode, if no other is as like to `_TIED`."""
 _APART = 0.2
-"""Difference of MAC within which two candidates for a partner are not told apart."""
+"""Difference of MAC within which two candidates for a partner are not told apart below `_SURE`."""
+_PER_FACTOR = 0.1
+"""MAC that a change of frequency by the factor e weighs, and as much as larger ones. Where sensors are few, modes far
+apart have one shape to the last digits of the MAC, and noise would join any with any; modes that change places within
+10 % of frequency are 0.01 of MAC apart by it, and keep to their shapes."""
+_TIED = 0.01
+"""Least gain of MAC over an exchange of partners, the weight of frequencies included, with which a pair of modes is
+certain: with equal shapes, frequencies have to be apart by 5 %."""
 
 
 @dataclass(frozen=True)
@@ -207,6 +214,10 @@ class Comparison:
         Shared DOFs in the sense of the first model.
     pairs : tuple of tuple of (int, int)
         Best one-to-one pairing as (mode of a, mode of b), both from 0, in the order of a.
+    rivals : tuple of tuple of int
+        For each pair, the other modes of b that may be the partner: not empty where it is ambiguous. Where the MAC of
+        the pair stays below 0.9, a rival's is within 0.2 of it, and higher than with the mode that the rival is paired
+        with. Above, its MAC is above 0.9 too, and shapes and frequencies are as like after an exchange of partners.
 
     Examples
     --------
@@ -219,27 +230,14 @@ class Comparison:
     mac: Float[np.ndarray, "mode_a mode_b"]
     dofs: tuple[Dof, ...]
     pairs: tuple[tuple[int, int], ...]
-
-    @property
-    def rivals(self) -> tuple[tuple[int, ...], ...]:
-        """For each pair, the other modes of b whose shapes are nearly as like: not empty where it is ambiguous.
-
-        A rival's MAC is within 0.2 of that of the pair, which itself stays below 0.9, and is higher than the rival has
-        with the mode that it is paired with.
-        """
-        own = {j: float(self.mac[i, j]) for i, j in self.pairs}
-        rivals = []
-        for i, j in self.pairs:
-            row = np.nan_to_num(self.mac[i])
-            near = np.flatnonzero((row > row[j] - _APART) & (row[j] < _SURE))
-            rivals.append(tuple(int(k) for k in near if k != j and row[k] > own.get(int(k), 0.0)))
-        return tuple(rivals)
+    rivals: tuple[tuple[int, ...], ...]
 
 
 def compare(a: ModalModel, b: ModalModel, threshold: float = 0.5) -> Comparison:
     """Pair the modes of two models by MAC over the DOFs that both have, opposite senses turned.
 
-    The pairing is the one with the largest sum of MAC values.
+    The pairing is the one with the largest sum of MAC values; where shapes are as like, frequencies decide: a change by
+    the factor e weighs as much as 0.1 of MAC.
 
     Parameters
     ----------
@@ -268,6 +266,27 @@ def compare(a: ModalModel, b: ModalModel, threshold: float = 0.5) -> Comparison:
 
     first, second, dofs = _on_common_dofs(a, b)
     table = mac(first, second)
-    left, right = linear_sum_assignment(np.nan_to_num(table), maximize=True)
+    least = np.finfo(float).tiny  # rigid body modes at 0 Hz are as near as modes can be
+    rows, columns = (np.log(np.maximum(one.natural_frequencies, least)) for one in (a, b))
+    likeness = np.nan_to_num(table) - _PER_FACTOR * np.minimum(np.abs(columns[None, :] - rows[:, None]), 1.0)
+    left, right = linear_sum_assignment(likeness, maximize=True)
     pairs = tuple((int(i), int(j)) for i, j in zip(left, right, strict=True) if table[i, j] >= threshold)
-    return Comparison(table, dofs, pairs)
+    return Comparison(table, dofs, pairs, _rivals(np.nan_to_num(table), likeness, pairs))
+
+
+def _rivals(
+    table: Float[np.ndarray, "mode_a mode_b"],
+    likeness: Float[np.ndarray, "mode_a mode_b"],
+    pairs: tuple[tuple[int, int], ...],
+) -> tuple[tuple[int, ...], ...]:
+    """As of `Comparison`."""
+    partner = {j: i for i, j in pairs}
+
+    def doubtful(i: int, j: int, k: int) -> bool:
+        m = partner.get(k)
+        if table[i, j] < _SURE:
+            return bool(table[i, k] > max(table[i, j] - _APART, 0.0 if m is None else table[m, k]))
+        loss = likeness[i, j] - likeness[i, k] + (0.0 if m is None else likeness[m, k] - likeness[m, j])
+        return bool(table[i, k] >= _SURE and loss < _TIED)
+
+    return tuple(tuple(k for k in range(table.shape[1]) if k != j and doubtful(i, j, k)) for i, j in pairs)
