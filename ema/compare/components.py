@@ -131,3 +131,15 @@ def half_of_difference(
         total = variances.sum(axis=0)
         half = np.where(total > 0, (variances * quantiles).sum(axis=0) / np.sqrt(total), 0 * total)
     return np.where(np.isfinite(half), np.fmax(half, noise), np.nan), noise
+
+
+def least_half_of_difference(
+    first: VarianceComponents, second: VarianceComponents, pairs: tuple[tuple[int, int], ...]
+) -> Float[np.ndarray, "pair"]:
+    """Half the 95 % interval of the difference of two means where one of the conditions was not repeated: the interval
+    of the mean that the repeats of the other one give, and the noise of this one. It is wider by the scatter of
+    assemblies of this one, which nobody knows.
+    """
+    left, right = [i for i, _ in pairs], [j for _, j in pairs]
+    halves = (np.fmax(one.half, one.noise_half)[modes] for one, modes in ((first, left), (second, right)))
+    return np.asarray(np.hypot(*halves))

@@ -12,7 +12,8 @@ from ema.data.repeats import NOISE_ONLY, ConditionDifference, RepeatGroup
 from ema.dof import match
 from ema.errors import InputError
 from ema.messages import mark, text, word
-from ema.shapes import mac
+from ema.messages.lists import listed
+from ema.shapes import compare, mac
 
 ALIKE = 0.5
 """Smallest MAC of a pair."""
@@ -81,9 +82,7 @@ def repeats(
     places = np.full((len(models), len(reference.poles)), -1, dtype=np.int64)
     findings: list[Finding] = []
     for row, model in enumerate(models):
-        pairs = (
-            _pairs(reference, model, NEAR, where)[0] if row != first else tuple((i, i) for i in range(places.shape[1]))
-        )
+        pairs = _pairs(reference, model, where) if row != first else tuple((i, i) for i in range(places.shape[1]))
         places[row, [i for i, _ in pairs]] = [j for _, j in pairs]
         findings += _unpaired(reference, model, names[first], names[row], pairs, where)
     values, stds = _table(models, places)
@@ -128,8 +127,7 @@ def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
     >>> difference(bare, bare).frequency[0].round(3)
     array([40., 40.])
     """
-    where = f"{second.label} against {first.label}"
-    pairs, values = _pairs(first.reference, second.reference, SHIFTED, where)
+    pairs, values, doubts = _changed(first, second)
     left, right = [i for i, _ in pairs], [j for _, j in pairs]
     frequency = np.stack([first.frequency.mean[left], second.frequency.mean[right]], axis=1)
     damping = np.stack([first.damping.mean[left], second.damping.mean[right]], axis=1)
@@ -156,7 +154,7 @@ def difference(first: RepeatGroup, second: RepeatGroup) -> ConditionDifference:
         values,
         (),
     )
-    return replace(difference, sentences=_sentences(first, second, difference))
+    return replace(difference, sentences=_sentences(first, second, difference, doubts))
 
 
 def conditions(results: Sequence[RunResult]) -> tuple[tuple[RepeatGroup, ...], tuple[ConditionDifference, ...]]:
@@ -336,10 +334,34 @@ def _listed(forces: Float[np.ndarray, "run"], names: Sequence[str]) -> str:
     return ", ".join(f"{name} {force:.4g} N" for name, force in zip(names, forces, strict=True))
 
 
-def _pairs(
-    first: ModalModel, second: ModalModel, reach: float, where: str
-) -> tuple[tuple[tuple[int, int], ...], Float[np.ndarray, "pair"]]:
-    """Modes with like shapes and near frequencies, the best assignment of all, and their MAC."""
+def _changed(
+    first: RepeatGroup, second: RepeatGroup
+) -> tuple[tuple[tuple[int, int], ...], Float[np.ndarray, "pair"], tuple[str, ...]]:
+    """Modes of two conditions that are the same for certain, their MAC, and sentences on those that may be several."""
+    both = compare(first.reference, second.reference, ALIKE)
+    left, right = (group.reference.natural_frequencies for group in (first, second))
+    pairs, doubts = [], []
+    for (i, j), rivals in zip(both.pairs, both.rivals, strict=True):
+        if rivals:
+            doubts.append(doubt(i, (j, *rivals), left[i], second.label))
+        elif abs(np.log(right[j] / left[i])) <= SHIFTED:
+            pairs.append((i, j))
+    return tuple(pairs), np.array([both.mac[pair] for pair in pairs], dtype=np.float64), tuple(doubts)
+
+
+def doubt(mode: int, like: Sequence[int], frequency: float, other: str) -> str:
+    """The sentence on a mode that resembles several of another run or condition; modes from 0."""
+    return text(
+        "Mode {mode} ({frequency} Hz) resembles modes {rivals} of {run}: not counted.",
+        mode=mode + 1,
+        frequency=f"{frequency:.4g}",
+        rivals=listed([str(k + 1) for k in sorted(like)]),
+        run=other,
+    )
+
+
+def _pairs(first: ModalModel, second: ModalModel, where: str) -> tuple[tuple[int, int], ...]:
+    """Modes of one condition with like shapes and near frequencies, the best assignment of all."""
     from scipy.optimize import linear_sum_assignment
 
     common = match(first.dofs, second.dofs)
@@ -353,11 +375,10 @@ def _pairs(
     rows, places, signs = (np.array(column) for column in zip(*common, strict=True))
     alike = np.nan_to_num(mac(first.shapes[rows], second.shapes[places] * signs[:, None]))
     shift = np.abs(np.log(second.natural_frequencies[None, :] / first.natural_frequencies[:, None]))
-    possible = (alike >= ALIKE) & (shift <= reach)
+    possible = (alike >= ALIKE) & (shift <= NEAR)
     # with few DOFs the shapes cannot tell the modes apart, and the frequencies decide
-    left, right = linear_sum_assignment(np.where(possible, 1 - alike + shift / reach, 1e3))
-    pairs = tuple((int(i), int(j)) for i, j in zip(left, right, strict=True) if possible[i, j])
-    return pairs, np.array([alike[pair] for pair in pairs], dtype=np.float64)
+    left, right = linear_sum_assignment(np.where(possible, 1 - alike + shift / NEAR, 1e3))
+    return tuple((int(i), int(j)) for i, j in zip(left, right, strict=True) if possible[i, j])
 
 
 def _unpaired(
@@ -401,13 +422,19 @@ def _table(
     return values, stds
 
 
-def _sentences(first: RepeatGroup, second: RepeatGroup, found: ConditionDifference) -> tuple[str, ...]:
+def _sentences(
+    first: RepeatGroup, second: RepeatGroup, found: ConditionDifference, doubts: tuple[str, ...]
+) -> tuple[str, ...]:
     names = {"condition": second.label, "base": first.label}
+    also = doubts if len(second.runs) > 1 else ()  # of a single run, its comparison says so
+    if not found.pairs and doubts:
+        head = text("{run} against {base}", run=second.label, base=first.label)
+        return (text("{head}: no certain pair of modes.", head=head), *also)
     if not found.pairs:
         return (text("{condition} against {base}: no two modes are alike.", **names),)
     known = found.known
     if not known.any():
-        return (text(_NOTHING_SAID, conditions=second.label, base=first.label),)
+        return (text(_NOTHING_SAID, conditions=second.label, base=first.label), *also)
     said = [
         text(
             "{condition} against {base}, {first} and {second} repeats: {change}",
@@ -429,7 +456,7 @@ def _sentences(first: RepeatGroup, second: RepeatGroup, found: ConditionDifferen
                 number=int(np.sum(~known)),
             )
         )
-    return tuple(said)
+    return (*said, *also)
 
 
 def _change(
@@ -491,7 +518,7 @@ def difference_sentences(differences: Sequence[ConditionDifference]) -> list[str
     """
     silent: dict[str, list[str]] = {}
     for one in differences:
-        if one.sentences == (text(_NOTHING_SAID, conditions=one.second, base=one.first),):
+        if one.sentences[0] == text(_NOTHING_SAID, conditions=one.second, base=one.first):
             silent.setdefault(one.first, []).append(one.second)
     sentences: list[str] = []
     for one in differences:
@@ -499,7 +526,7 @@ def difference_sentences(differences: Sequence[ConditionDifference]) -> list[str
         if one.second not in seconds:
             sentences += one.sentences
         elif one.second == seconds[0]:
-            *others, last = seconds
-            names = text("{first} and {last}", first=", ".join(others), last=last) if others else last
-            sentences.append(text(_NOTHING_SAID, conditions=names, base=one.first))
+            sentences.append(text(_NOTHING_SAID, conditions=listed(seconds), base=one.first))
+            alike = [other for other in differences if other.first == one.first and other.second in seconds]
+            sentences += [sentence for other in alike for sentence in other.sentences[1:]]
     return sentences

@@ -2,13 +2,15 @@
 
 import numpy as np
 
+from ema.compare.scatter import doubt
 from ema.data import RunResult
 from ema.data.repeats import NOISE_ONLY
 from ema.errors import InputError
 from ema.messages import plural, text, word
+from ema.messages.lists import listed
 from ema.report.blocks import Block, Book, Cell, Text
 from ema.report.modes import condition_text, interval, standard_deviations
-from ema.report.numbers import MISSING, Value, fixed, listed
+from ema.report.numbers import MISSING, Value, fixed
 from ema.report.repeats import scatter
 from ema.shapes import Comparison, compare
 
@@ -64,14 +66,7 @@ def _sentence(base: RunResult, other: RunResult, comparison: Comparison) -> str:
     if base.equivalent or other.equivalent:
         head = text("{run} against {base} for small amplitudes", **names)
     doubts = "".join(
-        " "
-        + text(
-            "Mode {mode} ({frequency} Hz) resembles modes {rivals} of {run}: not counted.",
-            mode=i + 1,
-            frequency=f"{base.modes.natural_frequencies[i]:.4g}",
-            rivals=listed([str(k + 1) for k in sorted((j, *rivals))]),
-            run=other.run.id,
-        )
+        " " + doubt(i, (j, *rivals), base.modes.natural_frequencies[i], other.run.id)
         for (i, j), rivals in zip(comparison.pairs, comparison.rivals, strict=True)
         if rivals
     )
@@ -153,8 +148,8 @@ def _table(base: RunResult, other: RunResult, comparison: Comparison, book: Book
         )
     alone = sorted(set(range(len(other.modes.poles))) - set(partners.values()))
     caption = text(
-        "{base} ({base_condition}) against {run} ({condition}): modes paired by MAC over {number} common DOFs; "
-        "intervals: {basis}.",
+        "{base} ({base_condition}) against {run} ({condition}): modes paired by MAC over {number} common DOFs and by "
+        "frequency; intervals: {basis}.",
         base=base.run.id,
         base_condition=condition_text(base),
         run=other.run.id,

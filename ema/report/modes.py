@@ -7,8 +7,9 @@ import numpy as np
 from ema.data import ModalModel, RunResult
 from ema.data.modal import COVERAGE_FACTOR
 from ema.messages import mark, plural, text, word
+from ema.messages.lists import listed
 from ema.report.blocks import Block, Book, Cell, Text
-from ema.report.numbers import MISSING, Value, fixed, listed, plain, short, with_uncertainty
+from ema.report.numbers import MISSING, Value, fixed, plain, short, with_uncertainty
 from ema.shapes import quality
 
 _WORDS = (

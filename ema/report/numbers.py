@@ -1,10 +1,7 @@
 """Numbers as a reader wants them: rounded by their uncertainty, and never more digits than are known."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-from ema.messages import text
 
 MISSING = "–"
 
@@ -69,10 +66,3 @@ def with_uncertainty(value: float | None, uncertainty: float | None, digits: int
     if value is None or uncertainty is None or not _known(value, uncertainty):
         return plain(value, digits)
     return Value(value, f"{rounded(value, uncertainty)} ± {rounded(uncertainty, uncertainty)}")
-
-
-def listed(words: Sequence[str]) -> str:
-    """``1``, ``1 and 2``, ``1, 2 and 3``."""
-    if len(words) < 2:
-        return "".join(words)
-    return text("{first} and {last}", first=", ".join(words[:-1]), last=words[-1])

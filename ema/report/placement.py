@@ -10,9 +10,10 @@ from ema.data import ForecastCheck, FrfSet, ModalModel, poles_from
 from ema.data.placement import Place, Placement
 from ema.dof import Dof
 from ema.messages import mark, text, word
+from ema.messages.lists import listed
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
-from ema.report.numbers import listed, plain, short
+from ema.report.numbers import plain, short
 from ema.report.trials import proposal, trial_blocks
 from ema.show.placement import score_unit
 from ema.synthesis import frfs as synthesised

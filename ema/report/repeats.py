@@ -3,6 +3,7 @@
 import numpy as np
 
 from ema import compare
+from ema.compare.components import least_half_of_difference
 from ema.compare.scatter import difference_sentences
 from ema.data import ConditionDifference, RepeatGroup, RunResult, VarianceComponents
 from ema.data.repeats import NOISE_ONLY
@@ -81,24 +82,36 @@ def _difference(found: ConditionDifference, groups: tuple[RepeatGroup, ...], boo
         ]
     columns += ["MAC [-]"]
     rows: list[list[Cell]] = []
+    first, second = basis[found.first], basis[found.second]
+    least = (
+        least_half_of_difference(first.frequency, second.frequency, found.pairs),
+        least_half_of_difference(first.damping, second.damping, found.pairs),
+    )
     quantities = (
-        (1.0, 6, found.frequency, found.frequency_half, found.frequency_noise, found.words("frequency")),
-        (100.0, 3, found.damping, found.damping_half, found.damping_noise, found.words("damping")),
+        (1.0, 6, found.frequency, found.frequency_half, least[0], found.words("frequency")),
+        (100.0, 3, found.damping, found.damping_half, least[1], found.words("damping")),
     )
     for pair, (i, j) in enumerate(found.pairs):
         row: list[Cell] = [i + 1, j + 1]
-        for scale, digits, values, half, noise, words in quantities:
-            bound = half[pair] if np.isfinite(half[pair]) else noise[pair]
+        for scale, digits, values, half, at_least, words in quantities:
+            bound = half[pair] if np.isfinite(half[pair]) else at_least[pair]
             row += [_mean(scale * values[pair, k], scale * bound, digits) for k in (0, 1)]
             row += [_change(scale * (values[pair, 1] - values[pair, 0]), scale * bound), word(words[pair])]
         rows.append([*row, fixed(float(found.mac[pair]), 3)])
-    caption = text(
-        "Change from {first} ({first_basis}) and {second} ({second_basis}); ± is half the 95 % interval of the change.",
+    change = text(
+        "Change from {first} ({first_basis}) to {second} ({second_basis})",
         first=found.first,
-        first_basis=_basis(basis[found.first]),
+        first_basis=_basis(first),
         second=found.second,
-        second_basis=_basis(basis[found.second]),
+        second_basis=_basis(second),
     )
+    if min(first.count, second.count) > 1:
+        caption = text("{change}; ± is half the 95 % interval of the change.", change=change)
+    else:
+        caption = text(
+            "{change}; ± is half the 95 % interval of the change without the scatter of what was not repeated.",
+            change=change,
+        )
     return book.table(f"change_{found.first}_{found.second}", caption, columns, rows)
 
 

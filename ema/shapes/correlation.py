@@ -189,17 +189,18 @@ def frac(a: Inexact[np.ndarray, "freq *frf"], b: Inexact[np.ndarray, "freq *frf"
     return np.asarray(np.minimum(np.abs(np.sum(left.conj() * right, axis=0)) ** 2, 1.0).reshape(a.shape[1:]))
 
 
-_SURE = 0.9
-"""MAC from which on a shape is taken for that of the mode, if no other is as like to `_TIED`."""
-_APART = 0.2
-"""Difference of MAC within which two candidates for a partner are not told apart below `_SURE`."""
 _PER_FACTOR = 0.1
 """MAC that a change of frequency by the factor e weighs, and as much as larger ones. Where sensors are few, modes far
 apart have one shape to the last digits of the MAC, and noise would join any with any; modes that change places within
 10 % of frequency are 0.01 of MAC apart by it, and keep to their shapes."""
-_TIED = 0.01
-"""Least gain of MAC over an exchange of partners, the weight of frequencies included, with which a pair of modes is
-certain: with equal shapes, frequencies have to be apart by 5 %."""
+_SURE = 0.9
+"""MAC from which on a shape is taken for that of the mode, if no other is as like to `_TIED`."""
+_APART = 0.2
+"""MAC of a pair lost by an exchange of partners from which on it is certain below `_SURE`: of two modes whose shapes a
+stiffer joint turns into each other, both are certain up to a turn of 39 degrees."""
+_TIED = 0.005
+"""The same above `_SURE`, where differences of the MAC tell little: with equal shapes, frequencies have to be apart by
+5 %."""
 
 
 @dataclass(frozen=True)
@@ -215,9 +216,9 @@ class Comparison:
     pairs : tuple of tuple of (int, int)
         Best one-to-one pairing as (mode of a, mode of b), both from 0, in the order of a.
     rivals : tuple of tuple of int
-        For each pair, the other modes of b that may be the partner: not empty where it is ambiguous. Where the MAC of
-        the pair stays below 0.9, a rival's is within 0.2 of it, and higher than with the mode that the rival is paired
-        with. Above, its MAC is above 0.9 too, and shapes and frequencies are as like after an exchange of partners.
+        For each pair, the other modes of b that may be the partner: not empty where it is ambiguous, for shapes and
+        frequencies are nearly as like after an exchange of partners: within 0.2 of MAC for each pair, and 0.005 where
+        the MAC of the pair is above 0.9.
 
     Examples
     --------
@@ -283,10 +284,9 @@ def _rivals(
     partner = {j: i for i, j in pairs}
 
     def doubtful(i: int, j: int, k: int) -> bool:
-        m = partner.get(k)
-        if table[i, j] < _SURE:
-            return bool(table[i, k] > max(table[i, j] - _APART, 0.0 if m is None else table[m, k]))
-        loss = likeness[i, j] - likeness[i, k] + (0.0 if m is None else likeness[m, k] - likeness[m, j])
-        return bool(table[i, k] >= _SURE and loss < _TIED)
+        loss = likeness[i, j] - likeness[i, k]
+        if k in partner:
+            loss = 0.5 * (loss + likeness[partner[k], k] - likeness[partner[k], j])
+        return bool(loss < (_TIED if table[i, j] >= _SURE else _APART))
 
     return tuple(tuple(k for k in range(table.shape[1]) if k != j and doubtful(i, j, k)) for i, j in pairs)

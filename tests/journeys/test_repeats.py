@@ -143,8 +143,8 @@ def test_the_report_has_repeats_and_changes(folder: Path, result: StudyResult):
     page = (folder / "_build" / f"{folder.name}.html").read_text(encoding="utf-8")
     for text in (
         "Repeats of 1 kN (beam_0, beam_1, beam_2): 3 repeats.",
-        "Change from bare (3 repeats) and 1 kN (3 repeats)",
-        "Change from bare (3 repeats) and light (noise only; assembly scatter unknown)",
+        "Change from bare (3 repeats) to 1 kN (3 repeats)",
+        "Change from bare (3 repeats) to light (noise only; assembly scatter unknown)",
         "damping is significantly higher in 1 of 3 modes",
     ):
         assert text in page
