@@ -411,7 +411,7 @@ def _with_scatter(
     at_sample = _evaluated(flat, final, sums.used, (begin.shapes, begin.rest[..., : sums.used]))[0]
     effective_lines = band.effective_lines
     by_themselves = None if effective_lines is None else flat.weights / effective_lines[-len(flat.s) :]
-    of_poles, of_shapes = refinement.loss(flat, at_sample, by_themselves)
+    of_poles, of_shapes, shared = refinement.loss(flat, at_sample, by_themselves)
     if band.output_correlation is not None and band.inputs == packed.frfs.inputs:
         correlation = band.output_correlation[-len(flat.s) :, start.columns].T
         of_poles = of_poles * output_correlation.factor(
@@ -422,7 +422,9 @@ def _with_scatter(
     likely = replace(sums.all_terms, information=sums.of_likely, before=sums.before_likely)
     change = scatter.Changes.of(likely, factor, factor * of_poles)
     found = {
-        "noise that the FRFs share": scatter.of_lines(likely, change, np.asarray(sums.pull_of_lines), len(flat.s)),
+        "noise that the FRFs share": scatter.of_lines(
+            likely, change, np.asarray(sums.pull_of_lines), lines=len(flat.s), shared=shared
+        ),
         "scatter between the FRFs": scatter.of_outputs(
             likely, change, sums.told[packed.alive], sums.pull[packed.alive]
         ),

@@ -26,10 +26,12 @@ class LineCorrelation:
     """How the residual of a fit correlates over lines.
 
     ``rho`` (lag,) is its autocorrelation, 1 at lag 0, up to where it is lost in chance: of length 1 where the lines are
-    independent. ``s`` (line,) and ``weight`` (line,) are the lines and the root mean square of their weights.
+    independent. ``whole`` (lag,) is the complex one, of which ``rho`` is the real part: where zeros were appended, it
+    is imaginary at lag 1. ``s`` (line,) and ``weight`` (line,) are the lines and the root mean square of their weights.
     """
 
     rho: Float[np.ndarray, "lag"]
+    whole: Complex[np.ndarray, "complex_lag"]
     s: Complex[np.ndarray, "line"]
     weight: Float[np.ndarray, "line"]
 
@@ -38,7 +40,8 @@ class LineCorrelation:
         """That of a residual, from as many rows of the observations as stand for all."""
         residual, weight = _weighted(data, fit)
         chance = _CHANCE / np.sqrt(residual.size)
-        return cls(_before_chance(autocorrelation(residual, chance), chance), data.s, weight)
+        whole = _complex(residual, chance)
+        return cls(_before_chance(autocorrelation(residual, chance), chance), whole, data.s, weight)
 
     @classmethod
     def of_noise(cls, data: Observations, fit: Fit) -> "LineCorrelation":
@@ -50,7 +53,8 @@ class LineCorrelation:
         parts = np.array_split(residual, min(_PARTS, max(1, residual.shape[1] // _LINES_OF_PART)), axis=1)
         found = [autocorrelation(part) for part in parts]
         lags = min(len(rho) for rho in found)
-        return cls(_before_chance(np.median([rho[:lags] for rho in found], axis=0), chance), data.s, weight)
+        rho = _before_chance(np.median([rho[:lags] for rho in found], axis=0), chance)
+        return cls(rho, rho.astype(complex), data.s, weight)
 
     def factor(self, poles: Complex[np.ndarray, "pole"], power: int = 1) -> Float[np.ndarray, "pole"]:
         """Energy that noise has along ``1 / (s - p)^power`` over that of noise independent from line to line.
@@ -65,6 +69,17 @@ class LineCorrelation:
         functions = self.weight / (self.s - poles[:, None]) ** power
         reach = np.stack([autocorrelation(row[None])[1:lags] for row in functions])
         return np.asarray(np.maximum(1, 1 + 2 * reach @ self.rho[1 : 1 + reach.shape[1]]))
+
+    def of_shared(self, poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole"]:
+        """`factor` of the poles (``power`` 2) for noise that all FRFs share, with the imaginary part of its
+        autocorrelation: what errors of lines one after the other do to a pole.
+        """
+        lags = len(self.whole)
+        if lags < 2 or not len(poles):
+            return np.ones(len(poles))
+        functions = self.weight / (self.s - poles[:, None]) ** 2
+        reach = np.stack([_complex(row[None], length=lags) for row in functions])
+        return np.asarray(np.maximum(1, 1 + 2 * (reach.conj() @ self.whole[: reach.shape[1]] - 1).real))
 
 
 def _weighted(data: Observations, fit: Fit) -> tuple[Complex[np.ndarray, "row line"], Float[np.ndarray, "line"]]:
@@ -83,6 +98,22 @@ def _before_chance(rho: Float[np.ndarray, "lag"], chance: float) -> Float[np.nda
 def sample(data: Observations) -> slice:
     """Rows that stand for all."""
     return slice(None, None, max(1, data.signals.size // SAMPLE))
+
+
+def _complex(
+    signals: Complex[np.ndarray, "row line"], least: float = 0.0, length: int = _LONGEST
+) -> Complex[np.ndarray, "lag"]:
+    """The autocorrelation of rows, pooled: the mean of a value times the conjugate of the one before, from lag 0 to
+    where its magnitude falls below ``least`` twice. Appended zeros make it 0 at single lags.
+    """
+    count = signals.shape[1]
+    energy = max(float(np.vdot(signals, signals).real), np.finfo(float).tiny)
+    found, below = [1.0 + 0j], 0
+    while len(found) < min(length, count // 4) and below < 2:
+        lag = len(found)
+        found.append(complex(np.vdot(signals[:, : count - lag], signals[:, lag:])) / energy)
+        below = below + 1 if abs(found[-1]) < least else 0
+    return np.array(found[: len(found) - below])
 
 
 def autocorrelation(signals: Complex[np.ndarray, "row line"], least: float = -np.inf) -> Float[np.ndarray, "lag"]:

@@ -92,10 +92,11 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
         fit = _optimum(flat, _spared(flat, fit))
     fit = estimator.with_orthogonal_matrices(flat, fit)
     factor = fit.variance_factor(flat)
-    of_poles, of_shapes = loss(flat, fit, _by_themselves(flat, data.derivative, band, known))
+    of_poles, of_shapes, of_shared = loss(flat, fit, _by_themselves(flat, data.derivative, band, known))
     correlation = output_correlation.of_references(band, data, flat, known_variance(band, data)[0])
     of_poles = of_poles * output_correlation.factor(flat, fit, correlation, flat.outputs)
-    between, of_what = _between(flat, fit, factor * of_poles, band, data, chosen.possible[kept])
+    change = scatter.Changes.of(fit, fit.variance_factor(flat), factor * of_poles)
+    between, of_what = _between(flat, fit, change, band, data, is_mode=chosen.possible[kept], shared=of_shared)
     basis += of_what
     at_peaks = misfit_at_peaks(flat, fit) if misfit else np.ones(len(fit.poles))
     inflation = inflation_of(flat, fit, factor * of_poles, at_peaks, between)
@@ -260,15 +261,16 @@ def _weighted(
 def _between(
     flat: Observations,
     fit: Fit,
-    variance: Float[np.ndarray, "mode"],
+    change: scatter.Changes,
     band: FrfSet,
     data: Prepared,
+    *,
     is_mode: Bool[np.ndarray, "mode"],
+    shared: Float[np.ndarray, "mode"],
 ) -> tuple[Float[np.ndarray, "2 mode"], str]:
     """Factors for what noise alone does not explain, and what it is in words."""
-    change = scatter.Changes.of(fit, fit.variance_factor(flat), variance)
     found = {
-        "noise that the FRFs share": scatter.between_lines(flat, fit, change),
+        "noise that the FRFs share": scatter.between_lines(flat, fit, change, shared),
         "scatter between the FRFs": scatter.between_outputs(flat, fit, change),
     }
     if band.deviations is not None:
@@ -526,8 +528,9 @@ def _by_themselves(
 
 def loss(
     data: Observations, fit: Fit, by_themselves: Float[np.ndarray, "some in freq"] | None
-) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
-    """Variance of poles and of shapes over that for errors independent from line to line, each mode.
+) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
+    """Variance of poles, of shapes, and of poles by noise that all FRFs share, over that for errors independent from
+    line to line, each mode.
 
     Where lines were smoothed together, they hold no more information than the lines by themselves, whose weights are
     ``by_themselves``: around peaks as narrow as the smoothing, errors follow the shape of the peak, which the mean
@@ -535,8 +538,9 @@ def loss(
     """
     lines = LineCorrelation.of(data, fit)
     of_poles, of_shapes = (lines.factor(fit.poles, power) for power in (2, 1))
+    of_shared = lines.of_shared(fit.poles)
     if by_themselves is None or not len(fit.poles):
-        return of_poles, of_shapes
+        return of_poles, of_shapes, of_shared
     some = sample(data)
     smoothed = Observations(data.s, data.signals[some], data.weights[some])
     alone, stated = (
@@ -553,7 +557,7 @@ def loss(
         for one in (replace(smoothed, weights=by_themselves), smoothed)
     )
     least = alone / np.maximum(stated, np.finfo(float).tiny)
-    return np.maximum(of_poles, least[0]), np.maximum(of_shapes, least[1])
+    return np.maximum(of_poles, least[0]), np.maximum(of_shapes, least[1]), np.maximum(of_shared, least[0])
 
 
 def _variances(fit: Fit) -> Float[np.ndarray, "2 mode"]:

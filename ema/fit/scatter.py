@@ -80,12 +80,15 @@ def of_outputs(
     return _factors(seen, np.array([freedom, freedom]), fit, changes, 0.5 * (freedom + 1))
 
 
-def between_lines(data: Observations, fit: Fit, changes: Changes) -> Float[np.ndarray, "2 mode"]:
+def between_lines(
+    data: Observations, fit: Fit, changes: Changes, shared: Float[np.ndarray, "mode"]
+) -> Float[np.ndarray, "2 mode"]:
     """Factor on the variance of the real and of the imaginary part of each pole for noise that the FRFs share.
 
     The force of an impact is a part of all FRFs of that impact: its noise moves them together, and many FRFs tell no
     more than one. What the residuals of all FRFs on a line do to a pole shows that (sandwich variance over groups of
-    lines, Liang and Zeger 1986).
+    lines, Liang and Zeger 1986). Groups tell nothing of how errors of neighbouring lines go together: ``shared`` is
+    what this makes of the variance (`LineCorrelation.of_shared`).
     """
     if data.outputs * data.references < 2:
         return np.ones((2, len(fit.poles)))
@@ -93,7 +96,7 @@ def between_lines(data: Observations, fit: Fit, changes: Changes) -> Float[np.nd
     if len(fit.poles) and len(data.s) >= 4 * _GROUPS:
         for rows in _blocks(data):
             pull += pulls_of_lines(data, fit, rows).sum(axis=1)
-    return of_lines(fit, changes, pull, len(data.s))
+    return of_lines(fit, changes, pull, lines=len(data.s), shared=shared)
 
 
 def pulls_of_lines(data: Observations, fit: Fit, rows: slice) -> Float[np.ndarray, "group out unknown"]:
@@ -104,7 +107,12 @@ def pulls_of_lines(data: Observations, fit: Fit, rows: slice) -> Float[np.ndarra
 
 
 def of_lines(
-    fit: Fit, changes: Changes, pull: Float[np.ndarray, "group unknown"], lines: int
+    fit: Fit,
+    changes: Changes,
+    pull: Float[np.ndarray, "group unknown"],
+    *,
+    lines: int,
+    shared: Float[np.ndarray, "mode"],
 ) -> Float[np.ndarray, "2 mode"]:
     """`between_lines` from the pulls of all outputs together, for each group of lines."""
     modes = len(fit.poles)
@@ -112,7 +120,7 @@ def of_lines(
         return np.ones((2, modes))
     parts = changes.parts(pull)
     left = (parts - np.mean(parts, axis=1, keepdims=True)) ** 2
-    seen = np.sum(left, axis=1) * _GROUPS / (_GROUPS - 1)
+    seen = shared * np.sum(left, axis=1) * _GROUPS / (_GROUPS - 1)
     return _factors(seen, np.full((2, modes), _GROUPS - 1.0), fit, changes)
 
 

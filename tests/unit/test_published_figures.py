@@ -19,8 +19,6 @@ OLDER = {
     "fit, 160x6401",
     "fit, 900x4096",
     "fit, random",
-    "joint_law",
-    "joint_maps",
     "stated_errors, frequency",
     "stated_errors, time",
     "stated_errors, verified",
