@@ -122,8 +122,9 @@ def test_signals_stay_on_disk_until_they_are_used(tmp_path: Path) -> None:
     unused = acquisition.open_campaign(where)["bare"]
     (where / "raw" / "bare_2.h5").unlink()
     assert run.recordings[0].signals.shape[1] == 20, "read once while the campaign is open"
+    # the type checks of the tests look at one record of a run, which of them is drawn at random, and so read it
     with pytest.raises(InputError, match="no such file"):
-        unused.recordings[0]
+        list(unused.recordings)
 
 
 def test_an_explicit_list_and_a_table_of_files_say_the_same(tmp_path: Path) -> None:
