@@ -14,7 +14,6 @@ OLDER = {
     "accuracy, listed",
     "accuracy, residues",
     "accuracy, small",
-    "accuracy, systems",
     "fit, 160x1601",
     "fit, 160x6401",
     "fit, 900x4096",
