@@ -10,8 +10,6 @@ WITHOUT = {"accuracy, peers"}
 OLDER = {
     "accuracy, case",
     "accuracy, cost",
-    "accuracy, halves",
-    "accuracy, listed",
     "accuracy, residues",
     "accuracy, small",
     "fit, 160x1601",
