@@ -214,8 +214,8 @@ def replace_modes(one: ModalModel, count: int) -> ModalModel:
 
 
 def test_the_change_to_a_repeated_condition_is_as_uncertain_as_its_mean():
-    """Of a bare structure measured once and a beam mounted three times: the report had stated ± 0.0005 Hz, by noise,
-    for the change to a mean of ± 0.27 Hz."""
+    """Of a bare structure measured once and a beam mounted three times: noise alone gives ± 0.02 Hz for the change to a
+    mean that is known to ± 0.25 Hz."""
     bare = compare.repeats([model([100, 210], [0.006, 0.004])], "bare")
     shifts = (-0.1, 0.0, 0.1)
     beam = compare.repeats([model([102 + d, 214 + d], [0.006, 0.004], 1e3, f"b{n}") for n, d in enumerate(shifts)])

@@ -40,7 +40,9 @@ def test_what_zeros_behind_a_record_make_of_shared_noise(padding: int, damping: 
 
 
 def test_intervals_hold_where_the_noise_of_the_force_is_shared_and_zeros_were_appended():
-    """Without what appended zeros do to shared noise the errors are 1.5 stated standard deviations (rms; 60 draws)."""
+    """Without what appended zeros do to shared noise the errors of these draws are 1.40 stated standard deviations (root
+    mean square), with it 1.09.
+    """
     errors = []
     for draw in range(12):
         rng = np.random.default_rng([8, draw])
@@ -59,4 +61,4 @@ def test_intervals_hold_where_the_noise_of_the_force_is_shared_and_zeros_were_ap
         std = np.sqrt(found.covariance[near][:, [0, 1], [0, 1]])
         errors.append((found.natural_frequencies[near] - np.abs(truth) / (2 * np.pi)) / std[:, 0])
         errors.append((found.damping_ratios[near] + truth.real / np.abs(truth)) / std[:, 1])
-    assert np.sqrt(np.mean(np.square(errors))) < 1.35
+    assert np.sqrt(np.mean(np.square(errors))) < 1.25
