@@ -126,7 +126,8 @@ def _check_lines(path: Path, coordinate: bool, field: str) -> None:
     words = [rb"\d++"] * (2 if coordinate else 0) + [number] * values
     line = rb"[ \t]*+" + rb"[ \t]++".join(words) + rb"[ \t\r]*+(?:\n|\Z)"
     body = path.read_bytes().partition(b"\n")[2]
-    head = re.match(rb"(?>%[^\n]*+\n|\s*+\n)*+[^\n]*+(?:\n|\Z)", body)  # comments, and the line of sizes
+    # comments, and the line of sizes, in which no carriage return may stand for the blank between two of them
+    head = re.match(rb"(?>%[^\n]*+\n|\s*+\n)*+[^\r\n]*+\r*+(?:\n|\Z)", body)
     begin = head.end() if head else 0
     good = re.compile(rb"(?>" + line + rb"|[ \t\r]*+\n)*+\s*+", re.IGNORECASE).match(body, begin)
     end = good.end() if good else begin
