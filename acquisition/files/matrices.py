@@ -125,9 +125,12 @@ def _check_lines(path: Path, coordinate: bool, field: str) -> None:
     number = _WHOLE if field in ("integer", "unsigned-integer") else _NUMBER
     words = [rb"\d++"] * (2 if coordinate else 0) + [number] * values
     line = rb"[ \t]*+" + rb"[ \t]++".join(words) + rb"[ \t\r]*+(?:\n|\Z)"
-    body = path.read_bytes().partition(b"\n")[2]
-    # comments, and the line of sizes, in which no carriage return may stand for the blank between two of them
-    head = re.match(rb"(?>%[^\n]*+\n|\s*+\n)*+[^\r\n]*+\r*+(?:\n|\Z)", body)
+    banner, _, body = path.read_bytes().partition(b"\n")
+    blank = re.search(rb"[^ -~\r\t]|\r(?!\Z)", banner)
+    if blank:
+        raise ValueError(f"a byte of the first line is no character of a banner: {blank[0]!r}")
+    # comments, and the line of sizes; not all programs take other characters than these for the blanks in it
+    head = re.match(rb"(?>%[^\n]*+\n|\s*+\n)*+[ \t]*+\d++(?:[ \t]++\d++)*+[ \t]*+\r*+(?:\n|\Z)", body)
     begin = head.end() if head else 0
     good = re.compile(rb"(?>" + line + rb"|[ \t\r]*+\n)*+\s*+", re.IGNORECASE).match(body, begin)
     end = good.end() if good else begin

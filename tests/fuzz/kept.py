@@ -135,6 +135,7 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "behind.csv": lambda one: "holds no numbers" in one.refusal,
     # a carriage return between two of the sizes, which not all parsers take for a blank
     "return-between-sizes.mtx": lambda one: "damaged Matrix Market file" in one.refusal,
+    "form-feed-in-the-banner.mtx": lambda one: "damaged Matrix Market file" in one.refusal,
     # 0.565x56 was read as 0.565; two entries on one line; a header line that is blank
     "number.mtx": lambda one: "no entry" in one.refusal,
     "two-on-a-line.mtx": lambda one: "no entry" in one.refusal,

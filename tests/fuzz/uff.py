@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import itertools
 import random
 import re
 import struct
@@ -241,8 +242,15 @@ def _by_columns(path: Path) -> Signals:
     for opening in re.finditer(rb"(?:^|\n)[ \t\v\f]{0,5}-1\n[ ]{0,4}58([bB]?)[^\n]*\n", data):
         with contextlib.suppress(ValueError, KeyError, IndexError):
             name, signal = _function(data[opening.end() :], bool(opening[1]))
-            found[name] = signal
+            found[_free(name, found)] = signal
     return found
+
+
+def _free(name: str, found: Signals) -> str:
+    """The name, with a number behind it where it is that of a former function of the file."""
+    return next(
+        one for one in itertools.chain([name], (f"{name} #{n}" for n in itertools.count(2))) if one not in found
+    )
 
 
 def _function(data: bytes, binary: bool) -> tuple[str, tuple[Any, Any]]:
@@ -299,7 +307,7 @@ def _by_pyuff(path: Path) -> Signals | None:
                 first, second = (f"{part}:" if part not in ("", "NONE") else "" for part in parts)
                 response = first + response
                 name = f"{response}/{second}{one['ref_node']}:{_DIRECTIONS[one['ref_dir']]}" if frf else response
-                found[name] = (np.asarray(one["x"]), np.asarray(one["data"]))
+                found[_free(name, found)] = (np.asarray(one["x"]), np.asarray(one["data"]))
     except (Exception, struct.error):
         return None
     return found
