@@ -11,6 +11,17 @@ from ema.fit.estimator import Fit, Observations
 from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared
 
+_AROUND = 16
+"""Lines on each side whose median is what is usual at a line, and in which the flank of a tone is looked for."""
+_STANDS_OUT = 16.6
+"""Power over the usual one from which on a line stands out by itself: one in 100,000 by noise, also where FRFs share
+it (chi-square with two degrees of freedom over its median)."""
+_FLANK = 12.0
+"""Energy of a flank over that of noise, mean of all FRFs, from which on it is one: noise that all FRFs share has as
+much once in 160,000 (exponential distribution)."""
+_ON_PEAK = 3.0
+"""Decay rates from a pole within which a line is on its peak: the peak has fallen by 10 dB there."""
+
 
 @dataclass(frozen=True)
 class Candidates:
@@ -98,6 +109,46 @@ def cluster(
 def of_table(table: PoleTable, added_decay: float) -> Candidates:
     """Clusters of a pole table, moved to where an exponential window put the data."""
     return cluster(table.order, table.poles - added_decay, table.participation)
+
+
+def of_single_lines(prepared: Prepared, band: tuple[float, float], others: Complex[np.ndarray, "other"]) -> Candidates:
+    """Undamped poles at lines that are noisier than those around, or stand out from their neighbours in the FRFs, and
+    have a flank: a tone leaks into all lines of a record without a window, as a pole without damping does.
+
+    On the peaks of ``others``, lines stand out by the shape of the peak.
+    """
+    values, lines = prepared.values / prepared.noise.outputs[:, None], len(prepared.frequencies)
+    single = np.zeros_like(values)
+    # fourth differences: of a peak of n lines they leave a share of (2 / n)^4, of a single line all
+    inner = slice(2, -2)
+    single[inner] = values[inner] - (4 * (values[1:-3] + values[3:-1]) - (values[:-4] + values[4:])) / 6
+    power = np.mean(np.abs(single) ** 2, axis=(1, 2))
+    places = np.flatnonzero(_stands_out(prepared.noise.lines**2) | _stands_out(power))
+    places = places[(places >= _AROUND) & (places < lines - _AROUND)]
+    places = places[[_has_flank(values[place - _AROUND : place + _AROUND + 1]) for place in places.tolist()]]
+    poles = 2j * np.pi * prepared.frequencies[places]
+    poles -= np.pi * estimator.NARROWEST * float(np.median(np.diff(prepared.frequencies)))
+    vectors = np.linalg.svd(single[places], full_matrices=False)[2][:, 0]
+    beside = np.all(np.abs(poles[:, None] - others) > _ON_PEAK * np.abs(others.real), axis=1)
+    return Candidates(poles, vectors.T, np.ones(len(places))).keep(inside(poles, band) & beside)
+
+
+def _stands_out(power: Float[np.ndarray, "freq"]) -> Bool[np.ndarray, "freq"]:
+    """Lines with more than both neighbours, and far more than what is usual around."""
+    beside = np.clip(np.arange(len(power))[:, None] + np.arange(-_AROUND, _AROUND + 1), 0, len(power) - 1)
+    higher = (power >= np.append(power[1:], 0)) & (power > np.append(0, power[:-1]))
+    return np.asarray(higher & (power > _STANDS_OUT * np.median(power[beside], axis=1)))
+
+
+def _has_flank(values: Complex[np.ndarray, "freq dof in"]) -> bool:
+    """Whether FRFs around a line, without it and its neighbours, hold a share of 1 / x beside a cubic over x."""
+    x = np.arange(-_AROUND, _AROUND + 1) / _AROUND
+    some = np.abs(x) > 1.5 / _AROUND
+    axes, _ = np.linalg.qr(np.stack([x[some] ** power for power in (0, 1, 2, 3, -1)], axis=1))
+    shares = np.tensordot(axes.T, values[some], 1)
+    total = np.sum(np.abs(values[some]) ** 2, axis=0)
+    noise = (total - np.sum(np.abs(shares) ** 2, axis=0)) / (np.count_nonzero(some) - len(shares))
+    return bool(np.mean(np.abs(shares[-1]) ** 2 / np.maximum(noise, np.finfo(float).tiny)) > _FLANK)
 
 
 def zoom(prepared: Prepared, data: Observations, fit: Fit, share: int) -> Candidates:

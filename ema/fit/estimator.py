@@ -800,10 +800,14 @@ def _step(
     return np.asarray(step * scale)
 
 
+def undamped(data: Observations, poles: Complex[np.ndarray, "mode"]) -> Bool[np.ndarray, "mode"]:
+    """Poles narrower than `NARROWEST` lines, as of tones."""
+    return np.asarray(-poles.real < (1 - 1e-9) * data.narrowest_decay)
+
+
 def narrowest(data: Observations, poles: Complex[np.ndarray, "mode"]) -> Float[np.ndarray, "mode"]:
     """Least decay rate (rad/s) of each pole: `NARROWEST` lines, or `SPIKE` lines for what is narrower than that."""
-    narrower = -poles.real < (1 - 1e-9) * data.narrowest_decay
-    return np.asarray(data.narrowest_decay * np.where(narrower, SPIKE / NARROWEST, 1))
+    return np.asarray(data.narrowest_decay * np.where(undamped(data, poles), SPIKE / NARROWEST, 1))
 
 
 def refine(

@@ -173,9 +173,15 @@ class _Start:
         known = self._known(packed.sample, every)
         return replace(self, noise=refinement.noise_shape(flat, own, self.derivative, known, self.optimum.misfit))
 
+    @property
+    def stated(self) -> bool:
+        """Whether the noise is what was stated with the FRFs."""
+        tones = estimator.undamped(self.optimum.data, self.optimum.fit.poles)
+        return self.packed.stated and not self.optimum.misfit and not tones.any()
+
     def _known(self, slab: FrfSet, places: Int[np.ndarray, "out"]) -> Float[np.ndarray, "out in freq"] | None:
         """Variance that came with the FRFs; ``None`` where it is not what limits the fit."""
-        if not self.packed.stated or self.optimum.misfit:
+        if not self.stated:
             return None
         found = noise.measured(slab)
         assert found is not None
@@ -420,7 +426,7 @@ def _with_scatter(
     at_peaks = refinement.misfit_at_peaks(flat, at_sample) if optimum.misfit else np.ones(len(final.poles))
     factor = sums.factor(sums.used)
     likely = replace(sums.all_terms, information=sums.of_likely, before=sums.before_likely)
-    change = scatter.Changes.of(likely, factor, factor * of_poles)
+    change = scatter.Changes.of(flat, likely, factor, factor * of_poles)
     found = {
         "noise that the FRFs share": scatter.of_lines(
             likely, change, np.asarray(sums.pull_of_lines), lines=len(flat.s), shared=shared
@@ -430,7 +436,7 @@ def _with_scatter(
         ),
     }
     between, of_what = refinement.largest(found, possible)
-    if packed.stated and not optimum.misfit:
+    if start.stated:
         basis = "variance of the FRFs, scaled to the residuals"
     else:
         basis = optimum.basis.partition(";")[0]

@@ -14,6 +14,10 @@ CONSTANT = 0.01
 Estimates from n averages scatter by 1 / sqrt(n) and more: ten thousand averages have this limit.
 """
 
+_STANDS_OUT = 20.0
+"""Power over the geometric mean of the lines around from which on a line stands out by itself, as one with a tone does:
+a single value of noise has as much once in 70,000 (its geometric mean is 0.56 of its mean), any estimate from several
+less often."""
 _FLOOR = 1e-9
 """Smallest noise, relative to the rms of an FRF, that the weights distinguish: about a hundredth of the last digit of
 24 bits, so that FRFs from any converter have more and computed ones do not divide by zero. Modes of random systems do
@@ -178,9 +182,7 @@ def pooled(
     A variance from a few averages scatters so much that its inverse would make the weights, not the noise.
     """
     usual = found.variance(variance, model)
-    return np.asarray(
-        usual * np.maximum(scipy.ndimage.uniform_filter1d(variance / usual, _POOLED, axis=-1, mode="nearest"), 0.01)
-    )
+    return np.asarray(usual * np.maximum(_smooth(variance / usual, _POOLED), 0.01))
 
 
 _POOLED = 25
@@ -274,8 +276,20 @@ def _by_line(ratio: Float[np.ndarray, "freq"], count: int) -> Float[np.ndarray, 
     """Smoothed mean ratio of each line, drawn towards 1 as far as chance explains its scatter."""
     lines = len(ratio)
     window = int(np.clip(400 // count, 1, max(1, lines // 8))) | 1
-    smooth = scipy.ndimage.uniform_filter1d(ratio, window, mode="nearest")
+    smooth = _smooth(ratio, window)
     smooth /= max(smooth.mean(), np.finfo(float).tiny)
     chance = 1 / (count * window)
     share = max(0.0, 1 - 1.5 * chance / max(float(np.var(smooth)), chance))
     return np.asarray(1 + share * (smooth - 1))
+
+
+def _smooth(ratio: Float[np.ndarray, "*frf freq"], window: int) -> Float[np.ndarray, "*frf freq"]:
+    """Mean over a window of lines; a line that stands out by itself stays, and tells nothing of the lines beside it."""
+    around = max(window, _POOLED)
+    typical = np.exp(_mean(np.log(np.maximum(ratio, np.finfo(float).tiny)), around))
+    single = ratio > _STANDS_OUT * typical
+    return np.where(single, ratio, _mean(np.where(single, typical, ratio), window))
+
+
+def _mean(values: Float[np.ndarray, "*frf freq"], window: int) -> Float[np.ndarray, "*frf freq"]:
+    return np.asarray(scipy.ndimage.uniform_filter1d(values, window, axis=-1, mode="nearest"))

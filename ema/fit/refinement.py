@@ -74,6 +74,12 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
         kept, misfit = np.arange(len(fit.poles)), False
     if misfit and known is not None:
         known, basis = None, f"scatter of the residuals over the lines, which is beyond the {basis.partition(',')[0]}"
+    elif known is not None and estimator.undamped(flat, fit.poles).any():
+        # A variance that was stated contains what they explain.
+        known, basis = (
+            None,
+            f"scatter of the residuals over the lines, for the {basis.partition(',')[0]} contains tones",
+        )
     # Few values: what the start was still off by shows in their noise.
     again = 2 if known is None and not misfit and flat.signals.size <= SAMPLE else 1
     for turn in range(_ROUNDS):
@@ -95,7 +101,7 @@ def refined(band: FrfSet, data: Prepared, chosen: Selection, start: "Start | Non
     of_poles, of_shapes, of_shared = loss(flat, fit, _by_themselves(flat, data.derivative, band, known))
     correlation = output_correlation.of_references(band, data, flat, known_variance(band, data)[0])
     of_poles = of_poles * output_correlation.factor(flat, fit, correlation, flat.outputs)
-    change = scatter.Changes.of(fit, fit.variance_factor(flat), factor * of_poles)
+    change = scatter.Changes.of(flat, fit, fit.variance_factor(flat), factor * of_poles)
     between, of_what = _between(flat, fit, change, band, data, is_mode=chosen.possible[kept], shared=of_shared)
     basis += of_what
     at_peaks = misfit_at_peaks(flat, fit) if misfit else np.ones(len(fit.poles))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.special
 import scipy.stats
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from ema.fit import estimator
 from ema.fit.estimator import Fit, Observations
@@ -31,22 +31,28 @@ class Changes:
     """What turns a pull on the shared unknowns into changes of the poles of a fit, and their variance by noise.
 
     ``by_pull`` (unknown, 2 mode) are the columns of the covariance that belong to the real parts of the poles, then to
-    their imaginary parts, for noise as the weights say; ``noise`` (2, mode) the variance of these parts.
+    their imaginary parts, for noise as the weights say; ``noise`` (2, mode) the variance of these parts. ``still``
+    (mode,) marks the poles of which nothing that is seen says how they change.
     """
 
     by_pull: Float[np.ndarray, "unknown change"]
     noise: Float[np.ndarray, "2 mode"]
+    still: Bool[np.ndarray, "mode"]
 
     @classmethod
-    def of(cls, fit: Fit, level: float, variance: Float[np.ndarray, "mode"]) -> "Changes":
-        """For the ``variance`` of each pole over what the weights say, of noise of a ``level`` over what they say."""
+    def of(cls, data: Observations, fit: Fit, level: float, variance: Float[np.ndarray, "mode"]) -> "Changes":
+        """For the ``variance`` of each pole over what the weights say, of noise of a ``level`` over what they say.
+
+        A pole that stands still is known by its prior alone, and one without damping is of no vibration that could
+        change between FRFs or impacts.
+        """
         modes, half = len(fit.poles), len(fit.gradient) // 2
         level = max(level, np.finfo(float).tiny)
         by_cause = estimator.root(fit, level)
         rows = np.concatenate([np.arange(modes), half + np.arange(modes)])
         covariance = by_cause @ by_cause[rows].T / level
         own = np.diagonal(covariance[rows]).reshape(2, modes)
-        return cls(covariance, own * variance)
+        return cls(covariance, own * variance, (fit.share < estimator.ROUNDING) | estimator.undamped(data, fit.poles))
 
     def parts(self, pull: Float[np.ndarray, "part unknown"]) -> Float[np.ndarray, "2 part mode"]:
         """Changes of the real, and of the imaginary parts of the poles by each pull."""
@@ -199,8 +205,7 @@ def _factors(
     number of resonances; the error is added to the variance.
     """
     noise = changes.noise
-    # A pole that stands still is known by its prior alone: nothing that is seen says how it changes.
-    seen = np.where(fit.share < estimator.ROUNDING, noise, seen)
+    seen = np.where(changes.still, noise, seen)
     size = np.array([fit.poles.real**2, np.abs(fit.poles) ** 2])
     real, imaginary = (widened(*row) for row in zip(seen, noise, size, freedom, (False, True), strict=True))
     error = broadened * (imaginary - 1) * noise[1] / np.abs(fit.poles.real)

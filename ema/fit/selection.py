@@ -13,7 +13,7 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import PoleTable, damping_ratios, natural_frequencies
 from ema.fit import estimator, output_correlation
-from ema.fit.candidates import Candidates, inside, like_modes, of_table, zoom
+from ema.fit.candidates import Candidates, inside, like_modes, of_single_lines, of_table, zoom
 from ema.fit.estimator import Fit, Observations, Work
 from ema.fit.line_correlation import LineCorrelation
 from ema.fit.narrow import TONE, tones
@@ -91,6 +91,8 @@ def select(
     band = table.band
     everything = of_table(table, added_decay)
     chosen = everything.keep(everything.persistence >= min(POLICY.persistence, everything.persistence.max(initial=0)))
+    # Bins average over tones that the search would have to see, and their flanks are no noise.
+    chosen = chosen.joined(of_single_lines(prepared, band, chosen.poles))
     work = Work()
     work.allow(OPERATIONS)
     state = _observe(prepared, chosen, work)

@@ -18,6 +18,8 @@ _WORDS = (
     mark("scatter of the residuals over the lines"),
     mark("scatter of the residuals over the lines, which is beyond the coherence of the FRFs"),
     mark("scatter of the residuals over the lines, which is beyond the variance of the FRFs"),
+    mark("scatter of the residuals over the lines, for the coherence of the FRFs contains tones"),
+    mark("scatter of the residuals over the lines, for the variance of the FRFs contains tones"),
     mark("with a single average the coherence is 1 and says nothing"),
     mark("with the scatter between the set-ups"),
     mark("with what the shape of the residual amounts to"),
