@@ -78,8 +78,15 @@ def systems(found: dict) -> str:
         for one in found["bins"]
     ]
     confidence = [
-        [f"{one['from']:g} to {one['to']:g}", f"{one['modes']}", f"{one['false']}", f"{one['stated false']:.1f}"]
-        for one in found["confidence"]
+        [
+            f"{one['from']:g} to {one['to']:g}",
+            f"{one['modes']}",
+            f"{one['false']}",
+            f"{one['stated false']:.1f}",
+            f"{sum(above['modes'] - above['false'] for above in found['confidence'][place:])}",
+            f"{sum(above['false'] for above in found['confidence'][place:])}",
+        ]
+        for place, one in enumerate(found["confidence"])
     ]
     wide = " ".join(
         f"Stated standard deviation of {name} over the bound: median {number(own['median'])}, {100 * own['within two']:.2f} "
@@ -102,8 +109,9 @@ def systems(found: dict) -> str:
                 f"In bins; one of {FEWEST} modes or more is to lie between 91 and 98 %:",
                 table(["what", "range", "modes", *HEAD, ""], bins),
                 "Accepted modes by the confidence stated of them (that the mode is one, is nearest to itself and shows its "
-                "own shape); what is false is matched by no true mode, which must be the nearest and agree by a MAC of 0.8:",
-                table(["confidence", "modes", "false", "false, as stated"], confidence),
+                "own shape); what is false is matched by no true mode, which must be the nearest and agree by a MAC of 0.8. The last "
+                "columns are what who takes modes from this confidence on has, all above included:",
+                table(["confidence", "modes", "false", "false, as stated", "true from here on", "false"], confidence),
                 wide,
                 "Beyond twice the bound:" if beyond else "",
                 "\n".join(beyond),
