@@ -49,6 +49,8 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "end-eaten.uff": lambda one: one.named >= 1 and "1:+Z/99:+Z" not in one.signals and len(one.signals) == 1,
     # the sign of an exponent is lost, and the end of the last line
     "sign-of-an-exponent.uff": lambda one: "an exponent without its sign" in one.refusal,
+    # a form feed in the place of the first digit: 3.51274e-02 was read as .51274e-02
+    "form-feed-of-a-number.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # no closing line: the next set was lost
     "no-end.uff": lambda one: one.named == 1 and len(one.signals) == 2,
     # the file ends behind an opening line

@@ -71,7 +71,8 @@ def test_a_case_is_the_same_whenever_it_is_drawn():
         containers._sample.cache_clear()
         one = batch.case_of(make(), 5, number=3)
         containers._sample.cache_clear()
-        with mock.patch("time.time", return_value=time.time() + 1e6):
+        later = time.time() + 1e6
+        with mock.patch("time.time", return_value=later), mock.patch("time.asctime", return_value=time.ctime(later)):
             other = batch.case_of(make(), 5, number=3)
         assert (one.data, one.kind, one.what) == (other.data, other.kind, other.what)
 

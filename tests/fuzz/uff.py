@@ -239,7 +239,7 @@ class Uff:
 def _by_columns(path: Path) -> Signals:
     """Functions in the fixed columns of the format and nothing else; those that do not keep to them are left out."""
     data, found = path.read_bytes(), {}
-    for opening in re.finditer(rb"(?:^|\n)[ \t\v\f]{0,5}-1\n[ ]{0,4}58([bB]?)[^\n]*\n", data):
+    for opening in re.finditer(rb"(?:^|\n)[ \t\v\f]{0,5}-1\n {0,9}58([bB]?)[^\n]*\n", data):
         with contextlib.suppress(ValueError, KeyError, IndexError):
             name, signal = _function(data[opening.end() :], bool(opening[1]))
             found[_free(name, found)] = signal

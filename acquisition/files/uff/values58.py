@@ -23,8 +23,8 @@ _LINES = {
 """Widths of the fields of one line of text, by ordinate type and even spacing."""
 
 
-_CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")
-"""What no text holds; a conversion to numbers may skip it."""
+_CONTROL = re.compile(rb"[\0-\x08\v\f\x0e-\x1f]")
+"""What no text of numbers holds; a conversion to numbers may skip it, or take it for a blank."""
 
 
 _LONGEST_LINE = 1 << 16
