@@ -126,11 +126,11 @@ def _check_lines(path: Path, coordinate: bool, field: str) -> None:
     words = [rb"\d++"] * (2 if coordinate else 0) + [number] * values
     line = rb"[ \t]*+" + rb"[ \t]++".join(words) + rb"[ \t\r]*+(?:\n|\Z)"
     banner, _, body = path.read_bytes().partition(b"\n")
-    blank = re.search(rb"[^ -~\r\t]|\r(?!\Z)", banner)
-    if blank:
-        raise ValueError(f"a byte of the first line is no character of a banner: {blank[0]!r}")
+    foreign = re.search(rb"[^ -~\r\t]|\r(?!\Z)", banner)
+    if foreign:
+        raise ValueError(f"the first line holds a character that the format does not allow: {foreign[0]!r}")
     # comments, and the line of sizes; not all programs take other characters than these for the blanks in it
-    head = re.match(rb"(?>%[^\n]*+\n|\s*+\n)*+[ \t]*+\d++(?:[ \t]++\d++)*+[ \t]*+\r*+(?:\n|\Z)", body)
+    head = re.match(rb"(?>%[^\n]*+\n|[ \t\r]*+\n)*+[ \t]*+\d++(?:[ \t]++\d++)*+[ \t]*+\r*+(?:\n|\Z)", body)
     begin = head.end() if head else 0
     good = re.compile(rb"(?>" + line + rb"|[ \t\r]*+\n)*+\s*+", re.IGNORECASE).match(body, begin)
     end = good.end() if good else begin

@@ -163,3 +163,20 @@ def test_wrong_tables_of_dofs_are_told_with_their_line(tmp_path):
     scipy.io.mmwrite(tmp_path / "k.mtx", csc_matrix(BEAM.stiffness))
     with pytest.raises(InputError, match="differ in size; got 9 rows, 2 DOFs"):
         matrices.structure(tmp_path / "k.mtx", tmp_path / "k.mtx", (Dof(1, "+X"), Dof(1, "+Z")))
+
+
+@pytest.mark.parametrize("head", ["\n", "% a comment\n\n", "\n% caf\u00e9\n \t\n", "%a\r\n\r\n"])
+def test_blank_lines_and_comments_may_stand_before_the_sizes(tmp_path: Path, head: str) -> None:
+    """Blank lines may stand anywhere behind the first line (Boisvert, Pozo, Remington 1996, section 2)."""
+    text = f"%%MatrixMarket matrix coordinate real symmetric\n{head}  2 2 2 \n1 1 1.5\n\n2 2 3.5\n"
+    (tmp_path / "a.mtx").write_bytes(text.encode("latin-1"))
+    np.testing.assert_array_equal(matrices.read_matrix(tmp_path / "a.mtx"), [[1.5, 0.0], [0.0, 3.5]])
+
+
+@pytest.mark.parametrize(("at", "byte"), [(32, b"\f"), (32, b"\r"), (50, b"\r"), (50, b"\v"), (32, b"\0")])
+def test_a_foreign_character_for_a_blank_in_the_head_is_refused(tmp_path: Path, at: int, byte: bytes) -> None:
+    text = b"%%MatrixMarket matrix coordinate real symmetric \n2 2 2\n1 1 1.5\n2 2 3.5\n"
+    assert text[at : at + 1] == b" "
+    (tmp_path / "a.mtx").write_bytes(text[:at] + byte + text[at + 1 :])
+    with pytest.raises(InputError):
+        matrices.read_matrix(tmp_path / "a.mtx")
