@@ -12,6 +12,8 @@ from ema.errors import InputError
 
 _MOST = 20_000
 """Rows of the largest matrix that is read: in full it takes 3.2 GB. A larger one is refused with a sentence."""
+_CONTROL = re.compile(r"[\0-\x08\v\f\x0e-\x1f\x85\xa0]")
+"""What no text of numbers holds; a conversion to numbers takes some of them for blanks."""
 _FORMAT = re.compile(r"(\d*)\s*([IFEDG])\s*(\d+)", re.IGNORECASE)
 # An edit descriptor with an exponent writes a digit other than 0 before the point of all numbers (scale factor 1P) or
 # of none (0P, where the 0 is optional): ISO/IEC 1539-1, "E and D editing". Both in one file: a digit was lost.
@@ -54,7 +56,7 @@ def read(path: Path) -> Float[np.ndarray, "n n"]:
     InputError : binary, cut short, complex, unassembled or not square.
     """
     try:
-        lines = path.read_text(encoding="latin-1").splitlines()
+        text = path.read_text(encoding="latin-1")
     except OSError as error:
         raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
 
@@ -67,6 +69,7 @@ def read(path: Path) -> Float[np.ndarray, "n n"]:
             advice=advice or "HBMAT,name,matrix,,ASCII,STIFF writes one",
         )
 
+    lines = text.splitlines()
     try:
         counts = [int(word) for word in lines[1].split()[1:4]]
         kind, rows, columns, entries = lines[2][:3].upper(), *(int(word) for word in lines[2][3:].split()[:3])
@@ -80,7 +83,10 @@ def read(path: Path) -> Float[np.ndarray, "n n"]:
         parts = _parts(lines, counts, formats, (columns + 1, entries, entries), wrong)
     except (ValueError, IndexError, ArithmeticError) as error:
         raise wrong("the header is damaged", str(error)[:60]) from error
-    return _filled(parts, rows, kind == "RSA", wrong)
+    matrix, control = _filled(parts, rows, kind == "RSA", wrong), _CONTROL.search(text)
+    if control:
+        raise wrong("a control character, which may stand in the place of a sign or a digit", repr(control[0]))
+    return matrix
 
 
 def _parts(

@@ -142,6 +142,7 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "number.mtx": lambda one: "no entry" in one.refusal,
     "two-on-a-line.mtx": lambda one: "no entry" in one.refusal,
     "blank-header.hb": lambda one: bool(one.refusal),
+    "control-for-a-sign.hb": lambda one: "a control character" in one.refusal,
     "shifted.hb": lambda one: bool(one.refusal),
     # one row index of a symmetric matrix is another: its entry fell into the other triangle, and no mirror was made
     "entry-beyond-the-diagonal.hb": lambda one: "wrong side of the diagonal" in one.refusal,
