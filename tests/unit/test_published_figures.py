@@ -9,6 +9,8 @@ WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER = {
     "accuracy, cost",
+    "accuracy, halves",
+    "accuracy, listed",
     "fit, 160x1601",
     "fit, 160x6401",
     "fit, 900x4096",
