@@ -15,6 +15,7 @@ from acquisition.files.layout import Layout
 from acquisition.files.reconcile import differs
 from acquisition.files.sampled import TOGETHER
 from acquisition.files.signals import before_si, labelled_units, make_recording, nice_rate, rate_of, same_rate
+from acquisition.files.table.numbers import NO_NUMBER
 from acquisition.files.table.titles import distinct, roles
 from ema.data import Finding
 from ema.errors import InputError
@@ -272,8 +273,8 @@ def _values(rows: list[str], separator: str, decimal: str, columns: int, name: s
         if decimal == ",":
             rows = [row.replace(",", ".") for row in rows]
         cells = [row.split(separator)[:columns] for row in rows]
-        odd = next((cell for row in cells for cell in row if "_" in cell), None)
-        if odd is not None:  # which Python takes for a mark between digits
+        odd = next((cell for row in cells for cell in row if NO_NUMBER.search(cell)), None)
+        if odd is not None:
             raise ValueError(f"could not convert string to float: {odd!r}")
         table_ = [[float(cell) if cell.strip() else np.nan for cell in row] for row in cells]
         return np.array([row + [np.nan] * (columns - len(row)) for row in table_])

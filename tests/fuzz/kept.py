@@ -110,6 +110,8 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "blank-last-node.unv": lambda one: one.named == 1 and _count(one, "node") == 6,
     # the node of a response lost with the bytes that keep its columns: it became node 0
     "node-lost.uff": lambda one: one.named >= 1 and "0:-Z" not in one.signals,
+    # a space that does not break in the place of a sign: -0.196205 was read as 0.196205
+    "space-for-a-sign.lvm": lambda one: "a row is no numbers" in one.refusal,
     # the title of a channel lost; the tab behind the title of the times, which became a channel
     "title-lost.lvm": lambda one: one.named == 1 and len(one.signals) == 2,
     "title-of-the-times.lvm": lambda one: "other time columns" in one.refusal,

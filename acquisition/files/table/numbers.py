@@ -9,7 +9,7 @@ from acquisition.files.layout import Layout
 
 _FORTRAN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[dD][-+]\d{2,3}")
 """A number in double precision as Fortran writes it: with a sign and two or three digits behind the letter."""
-_ODD = re.compile(r"[\0-\x08\x0e-\x1f\xa0]|\d_\d")
+NO_NUMBER = re.compile(r"[\0-\x08\x0e-\x1f\xa0]|\d_\d")
 """What a conversion to numbers skips and no number holds: control characters, and lines between digits."""
 
 
@@ -31,7 +31,7 @@ def block(lines: list[str], delimiter: str, decimal: str, *, columns: int, close
         alike = alike and all(is_closed(line, delimiter) for line in lines)
         lines = [line.rpartition(delimiter)[0] for line in lines] if alike else lines
     text = delimiter.join(lines)
-    if not alike or (decimal == "," and "." in text) or _ODD.search(text):
+    if not alike or (decimal == "," and "." in text) or NO_NUMBER.search(text):
         return None
     if decimal == ",":
         text = text.replace(",", ".")
@@ -77,7 +77,7 @@ def cells_of(line: str, delimiter: str, decimal: str, closed: bool = True) -> li
     A delimiter at the end of a ``closed`` line ends its last cell; in other lines an empty cell follows it.
     """
     cells = line.split() if delimiter == " " else line.split(delimiter)
-    if _ODD.search(line):
+    if NO_NUMBER.search(line):
         return None
     if decimal == ",":
         if "." in line:
