@@ -7,11 +7,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from acquisition.contents import Contents
 from acquisition.units import Unit
 from ema import store
 from ema.data import Finding, Recording
 from ema.data.stored_signals import StoredSignals
+from ema.errors import InputError
 from ema.store.reading import Header, containers, record_of
 
 T = TypeVar("T")
@@ -22,6 +25,12 @@ _KEPT = 256 * 2**20
 
 IN_FILE = 64 * 2**20
 """Bytes from which on the signals of a record in a file of ours stay there and are read piece by piece."""
+
+_WHOLE = IN_FILE // 1024
+"""Bytes up to which a file of ours is read whole for its header, since opening it again takes longer than its samples.
+
+Deflate packs a thousand bytes into one at most (1032, RFC 1951), so that no more than :data:`IN_FILE` come out of it.
+"""
 
 
 @dataclass(frozen=True)
@@ -82,8 +91,22 @@ class Files:
         if not self._is_stored(path):
             return None
         if path not in self._headers:
-            self._headers[path] = store.describe(path)
+            self._headers[path] = self._read_whole(path) or store.describe(path)
         return self._headers[path]
+
+    def _read_whole(self, path: Path) -> tuple[Header, ...]:
+        """Header of a small file that holds one record, which is kept; empty for any other file."""
+        if path.stat().st_size > _WHOLE:
+            return ()
+        try:
+            record = store.load(path)
+        except InputError:  # that of its samples is for who reads them
+            return ()
+        if not isinstance(record, Recording):
+            return ()
+        self._once((path, 0), lambda: record, self._size_of_record)
+        empty = np.zeros((len(record.signals), 0), record.signals.dtype)
+        return (Header("0", "Recording", replace(record, signals=empty), record.signals.shape[1]),)
 
     def _record(self, path: Path, place: int) -> Recording:
         """A record of a file of ours; one whose signals stay in the file is read anew each time, a few numbers."""
