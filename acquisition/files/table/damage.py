@@ -65,7 +65,8 @@ def whole(segments: list[Segment], layout: Layout, where: str, delimiter: str, d
         begun = _titled(segment) and bool(re.match(r"\s*[-+]?\d", last))
         columns = len(last.split() if delimiter == " " else last.split(delimiter)) if begun else 0
         bare = begun and all(re.fullmatch(r"[-+]?\d*\.?\d+", number) for number in re.split(r"[\s;,]+", last.strip()))
-        if last and (bare or _broken(last, delimiter, decimal, columns)):
+        near = begun and _begins_one_step_before(last, decimal, segment)
+        if last and (bare or near or _broken(last, delimiter, decimal, columns)):
             differs(
                 "a row that holds no numbers",
                 where=f"{where}, line {segment.line - 1}",
@@ -108,7 +109,7 @@ def without_single_rows(segments: list[Segment], layout: Layout, where: str) -> 
         notes: list[Finding] = []
         for row in alone:
             same = not row.labels and row.values.shape[1] == segment.values.shape[1] > 1
-            if same and _continues(row, segment):
+            if same and _continues(row.values[0, 0], row.line, segment):
                 what = "a row of the table stands in front of its titles"
                 place = f"{where}, line {row.line}"
                 notes += differs(what, where=place, layout=layout, recovered="the rows behind them are read")
@@ -120,7 +121,7 @@ def without_single_rows(segments: list[Segment], layout: Layout, where: str) -> 
         last = kept[-1]
         same = not row.labels and row.values.shape[1] == last.values.shape[1] > 1
         notes = [_beside(row, where, "behind")]
-        if same and _continues(row, last):
+        if same and _continues(row.values[0, 0], row.line, last):
             what, recovered = "a row of the table stands behind its end", "the rows in front of it are read"
             notes = list(differs(what, where=f"{where}, line {row.line}", layout=layout, recovered=recovered))
         kept[-1] = replace(last, notes=(*last.notes, *notes))
@@ -135,12 +136,18 @@ def _beside(row: Segment, where: str, side: str) -> Finding:
     )
 
 
-def _continues(row: Segment, table: Segment) -> bool:
+def _begins_one_step_before(text: str, decimal: str, table: Segment) -> bool:
+    """Whether the line above a table begins with the number that its even axis would have there."""
+    found = re.match(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)", text.replace(decimal, "."))
+    return found is not None and _continues(float(found[1]), table.line - 1, table)
+
+
+def _continues(number: complex, line: int, table: Segment) -> bool:
     """Whether a row goes on an even axis, in front of it or behind, as far as the lines between have room for.
 
     A line that lost its end holds two rows.
     """
-    number, axis = row.values[0, 0], table.values[:, 0]
+    axis = table.values[:, 0]
     steps = np.diff(axis)
     if (
         len(steps) < 2
@@ -149,7 +156,7 @@ def _continues(row: Segment, table: Segment) -> bool:
         or np.ptp(steps.real) > 0.5 * abs(steps.mean())
     ):
         return False
-    between = max(table.line - row.line - 1, row.line - table.line - len(axis), 0)
+    between = max(table.line - line - 1, line - table.line - len(axis), 0)
     beyond = ((axis[0] - number) / steps.mean(), (number - axis[-1]) / steps.mean())
     return any(abs(far - min(max(round(far.real), 1), 2 * between + 1)) < 0.25 for far in beyond)
 
