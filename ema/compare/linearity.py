@@ -110,11 +110,7 @@ class LevelDependence:
     def exceeds(self, limit: float) -> bool:
         """Whether more follows the level than ``limit``, and more than noise and chance."""
         sure = self.chance <= CHANCE if np.isnan(self.scatter) else not self.unexplained
-        return sure and self.suggests(limit)
-
-    def suggests(self, limit: float) -> bool:
-        """Whether more than ``limit`` seems to follow the level, be it by chance."""
-        return self.size >= max(limit, CLEAR * self.reach)
+        return sure and self.size >= max(limit, CLEAR * self.reach)
 
     def excludes(self, limit: float) -> bool:
         """Whether less follows the level than ``limit``, and so much would be seen."""
@@ -279,8 +275,9 @@ def _decided(
     tests = [(one, limit) for one, limit in ((constants, CHANGE), (decay, DECAY_CHANGE)) if one is not None]
     if any(one.exceeds(limit) for one, limit in tests):
         return Linearity("not linear", constants, decay, decays)
-    # What one test excludes another may suggest: slip within the contact changes the constants and not the decay.
-    if any(one.excludes(limit) for one, limit in tests) and not any(one.suggests(limit) for one, limit in tests):
+    # What one test excludes another may read: slip within the contact changes the constants and not the decay. A size
+    # above the limit that noise might show is no sign of a linear structure either.
+    if any(one.excludes(limit) for one, limit in tests) and all(one.size < limit for one, limit in tests):
         return Linearity("linear", constants, decay, decays)
     reason = "the impacts on each point are too equal"
     if any(one.unexplained for one, _ in tests):
