@@ -1,6 +1,7 @@
 """The records of a campaign are read once while it is open, as far as they fit into memory; results are the same."""
 
 from collections import Counter
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import acquisition.folder
 from acquisition.file_cache import Files
 from ema import store
 from ema.data import StudyResult
+from ema.errors import InputError
 from ema.examples import recording
 from ema.study import Study
 
@@ -93,3 +95,27 @@ def test_records_are_kept_as_far_as_they_fit(tmp_path: Path, opened: Counter[str
     takes["b"].read()
     takes["a"].read()
     assert opened == {"a.h5": 2, "b.h5": 1, "c.h5": 1}
+
+
+def test_a_small_file_is_opened_for_its_kind_and_once_for_the_rest(tmp_path: Path, opened: Counter[str]) -> None:
+    record = replace(recording(), signals=recording().signals[:, :100])
+    store.save(tmp_path / "a.h5", record)
+    opened.clear()
+    (take,) = Files().takes(tmp_path / "a.h5", {})
+    np.testing.assert_array_equal(take.read().signals, record.signals)
+    assert take.samples == 100 and take.header.signals.shape == (len(record.channels), 0) and opened["a.h5"] == 2
+
+
+def test_damaged_samples_of_a_small_file_are_for_who_reads_them(tmp_path: Path) -> None:
+    """Checks read headers of all files; one with a wrong checksum is named when its samples are asked for."""
+    signals = np.random.default_rng(0).normal(size=(len(recording().channels), 100))
+    record = replace(recording(), signals=signals)
+    store.save(tmp_path / "a.h5", record)
+    data = bytearray((tmp_path / "a.h5").read_bytes())
+    there = data.index(signals[0, 50:58].tobytes())
+    data[there] ^= 1
+    (tmp_path / "a.h5").write_bytes(data)
+    (take,) = Files().takes(tmp_path / "a.h5", {})
+    assert take.samples == 100
+    with pytest.raises(InputError, match=r"a\.h5"):
+        take.read()
