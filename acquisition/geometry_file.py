@@ -8,10 +8,13 @@ import numpy as np
 from acquisition import units
 from acquisition.campaign_file import GeometryTable
 from acquisition.columns import column, numbers, read_columns
+from acquisition.files.arrays import UndescribedError
 from ema.data import Geometry
 from ema.errors import InputError
 
 _TABLES = (".csv", ".txt", ".tsv")
+_OF_COLUMNS = {"unit", "node", "x", "y", "z", "names_in"}
+"""Keys that say what the columns of a table are; without them its titles do, as in ``x [mm]``."""
 
 
 def geometry_of(table: GeometryTable | None, folder: Path, data: Path, where: str) -> Geometry | None:
@@ -51,11 +54,20 @@ def geometry_of(table: GeometryTable | None, folder: Path, data: Path, where: st
 
 
 def _read(path: Path, table: GeometryTable) -> Geometry:
-    if path.suffix.lower() in _TABLES and not table.reader:
+    is_table = path.suffix.lower() in _TABLES and not table.reader
+    if is_table and table.model_fields_set & _OF_COLUMNS:
         return _from_columns(path, table)
     from acquisition.file_cache import Files
 
-    geometry = Files().contents(path, table.reader).geometry
+    try:
+        contents = Files().contents(path, table.reader)
+    except UndescribedError:
+        if is_table:
+            raise _without_unit(path) from None
+        raise
+    if is_table and any(one.code == "unit-unstated" for one in contents.findings):
+        raise _without_unit(path)
+    geometry = contents.geometry
     if geometry is None:
         raise InputError(
             "the file holds no geometry",
@@ -65,9 +77,13 @@ def _read(path: Path, table: GeometryTable) -> Geometry:
     return geometry
 
 
+def _without_unit(path: Path) -> InputError:
+    return InputError("the coordinates have no unit", where=str(path), advice='add unit = "m" to [geometry]')
+
+
 def _from_columns(path: Path, table: GeometryTable) -> Geometry:
     if table.unit is None:
-        raise InputError("the coordinates have no unit", where=str(path), advice='add unit = "m" to [geometry]')
+        raise _without_unit(path)
     columns = read_columns(path, table.names_in)
     factor = units.parse(table.unit).factor
     axes = [numbers(column(columns, name, str(path)), f"{path}, {name}") for name in (table.x, table.y, table.z)]

@@ -17,6 +17,10 @@ from ema.units import FRF_OF_RESPONSE, SI_UNIT, UNSTATED, Quantity
 _MANY = 6
 """Channels from which equal neighbours share one entry with ``columns``."""
 
+_NOWHERE = 900
+"""Beyond it are the nodes of channels of which nobody stated where they sat, so that none is that of a point."""
+_UNPLACED = "a node of its own; nobody stated where it sat"
+
 _UNNAMED = re.compile(r"^(.* )?(row|column) \d+$")
 _COMMENT = "#"
 """Key of a table under which its comments are kept until the text is written."""
@@ -44,7 +48,7 @@ def tables_of(
         channels = _of_frfs(facts, series, counts, answers, sensor)
     dofs: list[dict[str, str]] = [{} for _ in facts]
     if series.directed and counts == "points":
-        dofs = _from_names(series, channels)
+        dofs = _from_names(series, channels, facts[0].record is not None and facts[0].record.kind == "hammer")
     return channels, dofs
 
 
@@ -81,6 +85,8 @@ def _of_records(facts: Sequence[FileFacts], counts: str, answers: Answers) -> li
             channel["joint"] = f"J{1 + sum(other.get('role') == 'normal force' for other in channels)}"
         if dof:
             channel["dof"] = dof
+        if counts == "points" and dof == str(_NOWHERE + index + 1):
+            comments["dof"] = _UNPLACED
         if one.dof is not None and one.role in ("reference", "response"):
             key = (one.role, one.dof.positive)
             if key in seen:
@@ -200,7 +206,7 @@ def _dofs(judged: Sequence[Judged], counts: str) -> list[str]:
         elif one.dof is not None and (_stated(one.dof) or len(judged) == 1):
             found.append("")
         else:
-            found.append(str(node if counts != "points" else 900 + node))
+            found.append(str(node if counts != "points" else _NOWHERE + node))
     return found
 
 
@@ -294,7 +300,7 @@ def _place_frfs(
         raise InputError(error.what, where="fixed", got=error.got, expected=error.expected) from error
 
 
-def _from_names(series: Series, channels: list[dict[str, Any]]) -> list[dict[str, str]]:
+def _from_names(series: Series, channels: list[dict[str, Any]], hammer: bool) -> list[dict[str, str]]:
     """DOFs by channel name that the names of the files state."""
     responses = [channel for channel in channels if channel["role"] == "response"]
     forces = [channel for channel in channels if channel["role"] == "reference"]
@@ -304,12 +310,16 @@ def _from_names(series: Series, channels: list[dict[str, Any]]) -> list[dict[str
         dofs: dict[str, str] = {}
         if "input" in stated and len(forces) == 1:
             dofs[forces[0]["name"]] = str(stated["input"])
-        # a pair states the response first; a single DOF is that of what moved: one response, else the hammer
-        mover = responses if len(responses) == 1 else forces
+        # a pair states the response first; a single DOF is that of what moved: the hammer, or the one response
+        roving_hammer = len(forces) == 1 and (hammer or len(responses) != 1) and "input" not in stated
+        mover = forces if roving_hammer else responses
         if "point" in stated and len(mover) == 1:
             dofs[mover[0]["name"]] = str(stated["point"])
         by_file.append(dofs)
     for channel in (*responses, *forces):
         if any(channel["name"] in dofs for dofs in by_file):
             channel.pop("dof", None)
+        elif channel.get("dof", "").startswith("{point}"):
+            channel["dof"] = str(_NOWHERE + 1 + channels.index(channel))
+            channel[_COMMENT] = {**channel.get(_COMMENT, {}), "dof": _UNPLACED}
     return by_file

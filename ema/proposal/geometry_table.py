@@ -95,8 +95,6 @@ def table_of(
             table["unit"] = unit
         else:
             table["reader"] = {**chosen.facts.reader, "unit": unit}
-    elif is_table:
-        table["unit"] = unit
     findings += positions.findings(geometry, path, unit)
     return table, comments, geometry
 

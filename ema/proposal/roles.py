@@ -142,7 +142,9 @@ def _by_name(channel: Channel, row: Float[np.ndarray, "sample"]) -> Judged:
         named = quantity != channel.quantity
     else:
         named, evidence = True, f"its unit, {channel.unit}"
-    if channel.role != "response":
+    # readers of formats without roles take every force for a reference; one that presses steadily excites nothing
+    presses = channel.role == "reference" and quantity == "force" and (_NORMAL.search(name) or _presses(row))
+    if channel.role != "response" and not presses:
         return Judged(name, channel.role, quantity, channel.unit, _dof(channel), "the file says so", True)
     if _TRIGGER.search(name):
         role, named, evidence = "trigger", True, "its name"

@@ -250,6 +250,33 @@ def test_directions_in_names_become_dofs(tmp_path: Path) -> None:
     assert found.references == (Dof(5, "-X"),) and found.responses == (Dof(12, "+Z"), Dof(13, "+Y"))
 
 
+def test_a_campaign_of_a_roving_hammer_beside_a_load_cell_passes_its_check(tmp_path: Path) -> None:
+    """As a logger writes it: German decimals, lines of metadata, a load cell in kN beside the hammer, positions in mm.
+
+    The load cell had become a second hammer, the hammer a ``{point}`` that no pattern states, and the positions were
+    refused by the check of what had been proposed."""
+    rng = np.random.default_rng(3)
+    for point, take in ((1, 1), (1, 2), (2, 1), (2, 2)):
+        pressed = 5.0 + 0.003 * rng.normal(size=4096)
+        rows = np.array([np.arange(4096) / RATE, pulse(), ringing(60 + 90 * point, take), pressed])
+        lines = ["Operator;A. Müller", "", "Time (s);Hammer (N);Acc 1 (m/s²);Load cell (kN)"]
+        lines += [";".join(f"{value:.6f}" for value in row).replace(".", ",") for row in rows.T]
+        (tmp_path / f"P{point:02d}Z+_take{take}.csv").write_text("\n".join(lines), encoding="latin-1")
+    (tmp_path / "geometry.csv").write_text("node;x [mm];y [mm];z [mm]\n1;100;0;0\n2;200;0;0\n")
+    found = proposal.propose(tmp_path)
+    described_ = acquisition.campaign_file.parse(found.text)
+    assert [(one.name, one.role, one.dof) for one in described_.channels] == [
+        ("Hammer", "reference", ""),
+        ("Acc 1", "response", "902"),
+        ("Load cell", "normal force", ""),
+    ]
+    assert [one.dofs["Hammer"] for one in described_.runs[0].files] == ["1:+Z", "1:+Z", "2:+Z", "2:+Z"]
+    (tmp_path / "campaign.toml").write_text(found.text, encoding="utf-8")
+    opened = acquisition.open_campaign(tmp_path)
+    np.testing.assert_allclose(opened.geometry.xyz, [[0.1, 0, 0], [0.2, 0, 0]])
+    assert {str(one.channels[0].dof) for one in opened.runs[0].recordings} == {"1:+Z", "2:+Z"}
+
+
 def test_a_number_of_which_nobody_knows_what_it_counts_is_asked_for(tmp_path: Path) -> None:
     found = proposal.propose(hammer_folder(tmp_path / "beam", ["abc1.csv", "abc2.csv"]))
     (question,) = found.questions
