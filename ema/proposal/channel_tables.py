@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 from ema.dof import SCALAR, Dof
@@ -85,7 +86,7 @@ def _of_records(facts: Sequence[FileFacts], counts: str, answers: Answers) -> li
             channel["joint"] = f"J{1 + sum(other.get('role') == 'normal force' for other in channels)}"
         if dof:
             channel["dof"] = dof
-        if counts == "points" and dof == str(_NOWHERE + index + 1):
+        if dof.isdigit() and int(dof) > _NOWHERE:
             comments["dof"] = _UNPLACED
         if one.dof is not None and one.role in ("reference", "response"):
             key = (one.role, one.dof.positive)
@@ -114,7 +115,7 @@ def _named_force(judged: list[Judged], answers: Answers, path: str) -> list[Judg
     index = int(answer) - 1
     force = judged[index]
     judged = list(judged)
-    judged[index] = Judged(force.name, "reference", "force", force.unit, force.dof, "answered", True)
+    judged[index] = replace(force, role="reference", quantity="force", evidence="answered", named=True)
     return judged
 
 
@@ -194,6 +195,7 @@ def _unit_keys(text: str, one: Judged) -> dict[str, Any]:
 def _dofs(judged: Sequence[Judged], counts: str) -> list[str]:
     """DOFs as texts: that of the file, the ``{point}`` of the file name, or a node of its own without a direction."""
     moving = "reference" if any(one.role == "reference" for one in judged) else "response"
+    numbered = counts == "points" or any(one.dof is not None and _stated(one.dof) for one in judged)
     found, node = [], 0
     for one in judged:
         if one.role not in ("reference", "response"):
@@ -204,9 +206,9 @@ def _dofs(judged: Sequence[Judged], counts: str) -> list[str]:
             direction = "" if one.dof is None or one.dof.direction == SCALAR else f":{one.dof.direction}"
             found.append(f"{{point}}{direction}")
         elif one.dof is not None and (_stated(one.dof) or len(judged) == 1):
-            found.append("")
+            found.append(str(one.dof) if one.dof_in_name else "")
         else:
-            found.append(str(node if counts != "points" else _NOWHERE + node))
+            found.append(str(_NOWHERE + node if numbered else node))
     return found
 
 

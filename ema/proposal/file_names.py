@@ -25,6 +25,7 @@ class FileName:
 
     ``series`` is the name with ``#`` in place of the numbers that may count something; ``numbers`` are these, with the
     letters before each in ``words`` and the directions behind them in ``directions`` (``"+Z"``, empty without one).
+    ``conditions`` are the numbers that say under which condition was measured, as they stand there (``1kN``, ``0.5``).
     """
 
     path: str
@@ -32,6 +33,7 @@ class FileName:
     numbers: tuple[int, ...] = ()
     words: tuple[str, ...] = ()
     directions: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()
     spans: tuple[tuple[int, int], ...] = field(default=(), repr=False)
     """Where the numbers stand in ``path``, directions left out."""
 
@@ -68,9 +70,11 @@ def taken_apart(path: str) -> FileName:
     words: list[str] = []
     directions: list[str] = []
     spans: list[tuple[int, int]] = []
+    conditions = re.findall(r"\d+\.\d+\s?[A-Za-z]*", path[start:end])
     for found in _NUMBER.finditer(path, start, end):
         letters = re.search(r"([A-Za-z]+)[^A-Za-z0-9]*$", path[start : found.start("number")])
         if found["unit"].strip() or (letters and letters[1].lower() in CONDITION_WORDS):
+            conditions.append(path[found.start("number") : found.end()])
             continue
         numbers.append(int(found["number"]))
         words.append(letters[1].lower() if letters else "")
@@ -79,7 +83,9 @@ def taken_apart(path: str) -> FileName:
         pieces += [path[last : found.start("number")], "#"]
         last = found.end("direction") if found["direction"] else found.end("number")
     pieces.append(path[last:])
-    return FileName(path, "".join(pieces), tuple(numbers), tuple(words), tuple(directions), tuple(spans))
+    return FileName(
+        path, "".join(pieces), tuple(numbers), tuple(words), tuple(directions), tuple(conditions), tuple(spans)
+    )
 
 
 def _plain(text: str) -> str:

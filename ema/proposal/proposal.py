@@ -267,7 +267,10 @@ def _joined(groups: list[_Group], paths: list[str]) -> list[_Group]:
         alike = same_point([one.record.frf if one.record else None for one in facts])
         suffix = re.search(r"(\.[A-Za-z]\w*)*$", paths[0])[0]  # type: ignore[index]
         same_suffix = all(one.path.endswith(suffix) for one in facts)
-        if len(members) > 1 and word and alike and same_suffix and not any(group.series.directed for group in members):
+        # 1kN and 5kN are two conditions, however alike their FRFs are
+        one_condition = len({name.conditions for group in members for name in group.series.names}) == 1
+        directed = any(group.series.directed for group in members)
+        if len(members) > 1 and word and alike and same_suffix and one_condition and not directed:
             series = Series(tuple(name for group in members for name in group.series.names), ())
             joined.append(_Group(replace(series, names=series.names, counts=()), facts))
         else:
@@ -339,7 +342,9 @@ def _run(group: _Group, counts: str, answers: Answers, findings: list[Finding], 
             )
             reader["sampling_rate"] = _positive(rate) if rate else TODO
         run["reader"] = reader
-    if condition := re.findall(r"\d+(?:[.p]\d+)?\s?(?:k?N|Nm|lb|lbf)(?![A-Za-z])", first.path):
+    pressed = first.record is not None and any(one.role == "normal force" for one in first.record.channels)
+    condition = re.findall(r"\d+(?:[.p]\d+)?\s?(?:k?N|Nm|lb|lbf)(?![A-Za-z])", first.path)
+    if condition and not pressed:
         comments[""] = (
             f"the name says {', '.join(condition)}: where that is the normal force of a joint, add to this run\n"
             f'[[runs.normal_force]] with joint = "J1" and value = "{condition[0]}"'

@@ -53,6 +53,8 @@ class Judged:
     evidence: str
     named: bool
     """Whether its unit or name says its role; otherwise its shape does, or nothing."""
+    dof_in_name: bool = False
+    """Whether the DOF is from its name; otherwise it is that of the file."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,9 @@ def _by_name(channel: Channel, row: Float[np.ndarray, "sample"]) -> Judged:
     # readers of formats without roles take every force for a reference; one that presses steadily excites nothing
     presses = channel.role == "reference" and quantity == "force" and (_NORMAL.search(name) or _presses(row))
     if channel.role != "response" and not presses:
-        return Judged(name, channel.role, quantity, channel.unit, _dof(channel), "the file says so", True)
+        return Judged(
+            name, channel.role, quantity, channel.unit, _dof(channel), "the file says so", True, channel.dof is None
+        )
     if _TRIGGER.search(name):
         role, named, evidence = "trigger", True, "its name"
     elif _OTHER.search(name) or quantity in ("temperature", "time"):
@@ -160,7 +164,7 @@ def _by_name(channel: Channel, row: Float[np.ndarray, "sample"]) -> Judged:
         role, quantity, named, evidence = "normal force", "force", True, "its name and its mean"
     elif named:
         evidence = evidence or "its name"
-    return Judged(name, role, quantity, channel.unit, _dof(channel), evidence, named)
+    return Judged(name, role, quantity, channel.unit, _dof(channel), evidence, named, channel.dof is None)
 
 
 def _presses(row: Float[np.ndarray, "sample"]) -> bool:
@@ -183,7 +187,7 @@ def _dof(channel: Channel) -> Dof | None:
 
 
 def _as_force(one: Judged, why: str) -> Judged:
-    return Judged(one.name, "reference", "force", one.unit, one.dof, why, False)
+    return Judged(one.name, "reference", "force", one.unit, one.dof, why, False, one.dof_in_name)
 
 
 def _forces_by_shape(

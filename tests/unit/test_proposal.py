@@ -1,5 +1,6 @@
 """What a folder of measurements holds is found out from names, units, shapes of signals and positions."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -275,6 +276,26 @@ def test_a_campaign_of_a_roving_hammer_beside_a_load_cell_passes_its_check(tmp_p
     opened = acquisition.open_campaign(tmp_path)
     np.testing.assert_allclose(opened.geometry.xyz, [[0.1, 0, 0], [0.2, 0, 0]])
     assert {str(one.channels[0].dof) for one in opened.runs[0].recordings} == {"1:+Z", "2:+Z"}
+
+
+def test_conditions_in_names_are_runs_and_points_in_names_of_channels_their_dofs(tmp_path: Path) -> None:
+    """Six files of three normal forces with FRFs that are alike had become takes of one run, and the sensors, whose names
+    state their points, had no DOF."""
+    rng = np.random.default_rng(4)
+    for pressed, take in product((1, 5, 10), (1, 2)):
+        force = rng.normal(size=4096)
+        rows = np.array([np.arange(4096) / RATE, force, *(np.convolve(force, ringing(60, k))[:4096] for k in (1, 2))])
+        rows = np.vstack([rows, 1000 * pressed + rng.normal(size=4096)])
+        head = "time [s],shaker [N],Acc 1:+Z [m/s^2],Acc 2:-X [m/s^2],F_N [N]"
+        np.savetxt(tmp_path / f"table_{pressed}kN_{take}.csv", rows.T, "%.6g", ",", header=head, comments="")
+    found = acquisition.campaign_file.parse(proposal.propose(tmp_path).text)
+    assert [run.files[0].file for run in found.runs] == [f"table_{pressed}kN_{{take}}.csv" for pressed in (1, 5, 10)]
+    assert [(one.role, one.dof) for one in found.channels] == [
+        ("reference", "901"),
+        ("response", "1:+Z"),
+        ("response", "2:-X"),
+        ("normal force", ""),
+    ]
 
 
 def test_a_number_of_which_nobody_knows_what_it_counts_is_asked_for(tmp_path: Path) -> None:
