@@ -166,9 +166,15 @@ def _records(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], err
         rows = block.shape[0] < block.shape[1]
         reader: dict[str, Any] = {"signals": name} if name else {}
         reader["axis"] = "rows" if rows else "columns"
+        beside = [one for one, value in numbers.items() if _is_signal(value, max(block.shape))]
+        if name and beside:  # a force of its own beside the block of the responses
+            reader["signals"] = [one for one in numbers if one in beside or one == name]
         first = block[0] if rows else block[:, 0]
-        if _axis_step(first) is not None and first[0] >= 0:
-            axis = f"{name} {'row' if rows else 'column'} 0".strip()
+        axis = f"{name} {'row' if rows else 'column'} 0".strip()
+        times = [one for one, value in numbers.items() if len(value.shape) == 1 and _is_time(one, value)]
+        if not (_axis_step(first) is not None and first[0] >= 0):
+            axis = next((one for one in times if len(numbers[one]) == max(block.shape)), "")
+        if axis:
             return Described("records", reader | {"time": axis}, evidence=f"{axis} is the time axis")
         if rate is not None:
             return Described("records", reader | {"sampling_rate": rate}, evidence=f"sampling rate from {rate}")
@@ -179,14 +185,9 @@ def _records(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], err
 def _vectors(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> Described:
     """Signals as vectors of one length beside a time axis."""
     for time, value in numbers.items():
-        step = _axis_step(value)
-        if step is None or not _TIME.search(re.sub(r"([a-z])([A-Z])", r"\1_\2", time)):
+        if not _is_time(time, value):
             continue
-        signals = [
-            name
-            for name, other in numbers.items()
-            if name != time and other.shape == value.shape and not np.iscomplexobj(other) and _axis_step(other) is None
-        ]
+        signals = [name for name, other in numbers.items() if name != time and _is_signal(other, len(value))]
         if not signals:
             continue
         reader: dict[str, Any] = {"signals": signals, "time": time}
@@ -194,6 +195,16 @@ def _vectors(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> 
             reader["units"] = dict.fromkeys(signals, unit)
         return Described("records", reader, evidence=f"{time} is the time axis")
     return Described()
+
+
+def _is_time(name: str, values: np.ndarray) -> bool:
+    """Whether an array rises in equal steps and is called a time."""
+    return _axis_step(values) is not None and bool(_TIME.search(re.sub(r"([a-z])([A-Z])", r"\1_\2", name)))
+
+
+def _is_signal(values: np.ndarray, samples: int) -> bool:
+    """Whether an array is one real signal of so many samples, and no axis."""
+    return values.shape == (samples,) and not np.iscomplexobj(values) and _axis_step(values) is None
 
 
 def _stated_unit(metadata: Mapping[str, str]) -> str:

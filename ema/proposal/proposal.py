@@ -1,7 +1,7 @@
 """From what the files of a folder hold to the text of a ``campaign.toml``."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -165,7 +165,9 @@ def compose(folder: Path, facts: tuple[FileFacts, ...], given: Mapping[str, str]
     runs: list[_Run] = []
     taken: set[str] = set()
     for group in groups:
+        others = [one.path for one in facts if one not in group.facts]
         for run in _runs(group, answers, findings, sensor):
+            _list_files(run, group, others)
             run.table["id"] = _unique(run.table["id"], taken)
             runs.append(run)
     table, geometry_comments, solid = geometry_table.table_of(chosen, folder, answers, findings)
@@ -388,6 +390,32 @@ def _files(group: _Group, counts: str, dofs: list[dict[str, str]]) -> Any:
     elif counts == "takes":
         series = replace(series, counts=_first_open(series, "take"))
     return series.pattern
+
+
+def _list_files(run: _Run, group: _Group, others: Sequence[str]) -> None:
+    """List the files of a run one by one where their pattern would take others too: of another kind, or left out."""
+    pattern = run.table["files"]
+    if not isinstance(pattern, str) or len(group.facts) < 2:
+        return
+    words = {r"\*": "[^/]*", r"\{point\}": r"(?P<point>\d+)"}
+    parts = re.split(r"(\\\*|\\{\w+\\})", re.escape(pattern))
+    whole = re.compile("".join(words.get(part, "[^/]+" if part.startswith(r"\{") else part) for part in parts))
+    also = [path for path in others if whole.fullmatch(path)]
+    if not also:
+        return
+    run.comments["files"] = f"one by one, since {pattern} would take {also[0]} as well"
+    moving = [channel for channel in run.channels if "{point}" in channel.get("dof", "")]
+    files: list[Any] = [one.path for one in group.facts]
+    if moving:
+        found = [whole.fullmatch(path) for path in files]
+        points = [str(int(match["point"])) for match in found if match is not None]
+        files = [
+            {"file": path, "dofs": {one["name"]: one["dof"].replace("{point}", point) for one in moving}}
+            for path, point in zip(files, points, strict=True)
+        ]
+        for channel in moving:
+            del channel["dof"]
+    run.table["files"] = files
 
 
 def _first_open(series: Series, word: str) -> tuple[str, ...]:

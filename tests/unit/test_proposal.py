@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import acquisition
 from ema import proposal, show, store
@@ -296,6 +297,37 @@ def test_conditions_in_names_are_runs_and_points_in_names_of_channels_their_dofs
         ("response", "2:-X"),
         ("normal force", ""),
     ]
+
+
+def test_signals_of_their_own_beside_a_block_are_channels_too(tmp_path: Path) -> None:
+    """The force and the normal force of a MATLAB file with a block of accelerations had been left out without a word."""
+    time, steady = np.arange(4096) / RATE, 5 + 1e-3 * np.random.default_rng(1).normal(size=4096)
+    block = np.array([ringing(50), ringing(80)]).T
+    for take in (1, 2):
+        arrays = {"t": time, "Force": pulse(), "Acc": block, "Fn": steady, "fs": RATE}
+        savemat(tmp_path / f"impact_{take}.mat", arrays)
+    found = proposal.propose(tmp_path)
+    found = found.answered(found.questions[0].key, "N, g, kN")
+    (tmp_path / "campaign.toml").write_text(found.text, encoding="utf-8")
+    (run,) = acquisition.open_campaign(tmp_path).runs
+    assert run.kind == "hammer" and len(run.recordings) == 2
+    record = run.recordings[1]
+    assert [one.role for one in record.channels] == ["reference", "response", "response", "normal force"]
+    np.testing.assert_allclose(record.signals[0], pulse(), atol=1e-9)
+    np.testing.assert_allclose(record.signals[3], 1000 * steady)
+
+
+def test_a_pattern_does_not_take_files_that_were_left_out_or_are_of_another_run(tmp_path: Path) -> None:
+    """An empty file and one of another sampling rate had been matched by the pattern of the others, and refused."""
+    hammer_folder(tmp_path, ["pt1.csv", "pt2.csv", "pt12.csv", "pt3.csv"])
+    rows = np.loadtxt(tmp_path / "pt3.csv", delimiter=",", skiprows=1)[::2]
+    np.savetxt(tmp_path / "pt3.csv", rows, delimiter=",", header="t [s],hammer [N],acc [m/s^2]", comments="")
+    (tmp_path / "pt4.csv").write_text("")
+    (tmp_path / "campaign.toml").write_text(proposal.propose(tmp_path).text, encoding="utf-8")
+    campaign = acquisition.open_campaign(tmp_path)
+    (whole,) = [run for run in campaign.runs if len(run.recordings) > 1]
+    assert [str(one.channels[0].dof) for one in whole.recordings] == ["1:S", "2:S", "12:S"]
+    assert [len(run.recordings) for run in campaign.runs if run is not whole] == [1]
 
 
 def test_a_number_of_which_nobody_knows_what_it_counts_is_asked_for(tmp_path: Path) -> None:
