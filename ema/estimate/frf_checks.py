@@ -66,7 +66,8 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
     if alive is None:
         return tuple(findings)
     peaks = _resonances(alive, modes)
-    findings += _coherence(alive, peaks)
+    # beyond the reach of the impacts peaks are of noise; one finding says so for all of them
+    findings += _coherence(alive, peaks if hits is None else peaks[peaks <= hits.usable_band[1]])
     findings += _noise(alive)
     findings += (_conjugate(alive) if hits is None else []) or _drive_points(alive)  # those of impacts are our own
     findings += _reciprocity(alive)

@@ -139,8 +139,13 @@ def test_noise_single_averages_dead_and_broken_channels():
 
 
 def test_resonances_beyond_the_force():
+    """They are named once; that their coherence is low as well is no news."""
     gallery = HitGallery((), F, np.ones(len(F)), (200.0, 300.0))
-    findings = quality(true_frfs(), hits=gallery)
+    coherence = np.full((len(F), 2, 4), 0.99)
+    coherence[np.abs(F - 431) < 5] = 0.3
+    noisy = true_frfs(coherence=coherence, averages=np.full((2, 4), 5.0))
+    assert "low-coherence" in codes(quality(noisy))
+    findings = quality(noisy, hits=gallery)
     assert codes(findings) == {"usable-band"}
     assert findings[0].value == pytest.approx(431, abs=3)
 
