@@ -21,6 +21,7 @@ _MANY = 6
 _NOWHERE = 900
 """Beyond it are the nodes of channels of which nobody stated where they sat, so that none is that of a point."""
 _UNPLACED = "a node of its own; nobody stated where it sat"
+"""Comment of such a DOF in the proposed file."""
 
 _UNNAMED = re.compile(r"^(.* )?(row|column) \d+$")
 _COMMENT = "#"

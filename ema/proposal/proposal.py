@@ -358,9 +358,7 @@ def _run(group: _Group, counts: str, answers: Answers, findings: list[Finding], 
                 findings.append(Finding("warning", code, one.path, f"{sentence}."))
     points: tuple[int, ...] = ()
     if counts == "points":
-        column = next((k for k, word in enumerate(group.series.counts) if word == "point"), None)
-        column = group.series.varies.index(True) if column is None else column
-        points = tuple(dict.fromkeys(name.numbers[column] for name in group.series.names))
+        points = tuple(dict.fromkeys(_points(group)))
     return _Run(run, channels, comments, points, tuple(dofs), first.frfs)
 
 
@@ -392,26 +390,31 @@ def _files(group: _Group, counts: str, dofs: list[dict[str, str]]) -> Any:
     return series.pattern
 
 
+def _points(group: _Group) -> list[int]:
+    """The point that the name of each file states."""
+    series = group.series
+    column = series.counts.index("point") if "point" in series.counts else series.varies.index(True)
+    return [name.numbers[column] for name in series.names]
+
+
 def _list_files(run: _Run, group: _Group, others: Sequence[str]) -> None:
     """List the files of a run one by one where their pattern would take others too: of another kind, or left out."""
     pattern = run.table["files"]
     if not isinstance(pattern, str) or len(group.facts) < 2:
         return
-    words = {r"\*": "[^/]*", r"\{point\}": r"(?P<point>\d+)"}
-    parts = re.split(r"(\\\*|\\{\w+\\})", re.escape(pattern))
-    whole = re.compile("".join(words.get(part, "[^/]+" if part.startswith(r"\{") else part) for part in parts))
-    also = [path for path in others if whole.fullmatch(path)]
+    # as the campaign reads a pattern: {point} is digits, * and other names are any text
+    marks = re.compile(r"\\\*|\\{\w+\\}")
+    taken = marks.sub(lambda mark: r"\d+" if "point" in mark[0] else "[^/]*", re.escape(pattern))
+    also = [path for path in others if re.fullmatch(taken, path)]
     if not also:
         return
     run.comments["files"] = f"one by one, since {pattern} would take {also[0]} as well"
     moving = [channel for channel in run.channels if "{point}" in channel.get("dof", "")]
     files: list[Any] = [one.path for one in group.facts]
     if moving:
-        found = [whole.fullmatch(path) for path in files]
-        points = [str(int(match["point"])) for match in found if match is not None]
         files = [
-            {"file": path, "dofs": {one["name"]: one["dof"].replace("{point}", point) for one in moving}}
-            for path, point in zip(files, points, strict=True)
+            {"file": one.path, "dofs": {each["name"]: each["dof"].replace("{point}", str(point)) for each in moving}}
+            for one, point in zip(group.facts, _points(group), strict=True)
         ]
         for channel in moving:
             del channel["dof"]

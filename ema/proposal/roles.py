@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -147,10 +147,8 @@ def _by_name(channel: Channel, row: Float[np.ndarray, "sample"]) -> Judged:
     # readers of formats without roles take every force for a reference; one that presses steadily excites nothing
     presses = channel.role == "reference" and quantity == "force" and (_NORMAL.search(name) or _presses(row))
     if channel.role != "response" and not presses:
-        return Judged(
-            name, channel.role, quantity, channel.unit, _dof(channel), "the file says so", True, channel.dof is None
-        )
-    if _TRIGGER.search(name):
+        role, evidence, named = channel.role, "the file says so", True
+    elif _TRIGGER.search(name):
         role, named, evidence = "trigger", True, "its name"
     elif _OTHER.search(name) or quantity in ("temperature", "time"):
         role, named, evidence = "other", True, "its name"
@@ -164,7 +162,8 @@ def _by_name(channel: Channel, row: Float[np.ndarray, "sample"]) -> Judged:
         role, quantity, named, evidence = "normal force", "force", True, "its name and its mean"
     elif named:
         evidence = evidence or "its name"
-    return Judged(name, role, quantity, channel.unit, _dof(channel), evidence, named, channel.dof is None)
+    dof = _dof(channel)
+    return Judged(name, role, quantity, channel.unit, dof, evidence, named, dof_in_name=channel.dof is None)
 
 
 def _presses(row: Float[np.ndarray, "sample"]) -> bool:
@@ -187,7 +186,7 @@ def _dof(channel: Channel) -> Dof | None:
 
 
 def _as_force(one: Judged, why: str) -> Judged:
-    return Judged(one.name, "reference", "force", one.unit, one.dof, why, False, one.dof_in_name)
+    return replace(one, role="reference", quantity="force", evidence=why, named=False)
 
 
 def _forces_by_shape(

@@ -110,7 +110,7 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "blank-last-node.unv": lambda one: one.named == 1 and _count(one, "node") == 6,
     # the node of a response lost with the bytes that keep its columns: it became node 0
     "node-lost.uff": lambda one: one.named >= 1 and "0:-Z" not in one.signals,
-    # a space that does not break in the place of a sign: -0.196205 was read as 0.196205
+    # a non-breaking space in the place of a sign: -0.196205 was read as 0.196205
     "space-for-a-sign.lvm": lambda one: "a row is no numbers" in one.refusal,
     # the title of a channel lost; the tab behind the title of the times, which became a channel
     "title-lost.lvm": lambda one: one.named == 1 and len(one.signals) == 2,
@@ -129,7 +129,7 @@ EXPECTED: dict[str, Callable[[Reading], bool]] = {
     "first-row.csv": lambda one: "holds no numbers" in one.refusal,
     # the first row was broken in two, and its beginning passed for a line of titles
     "first-row-in-two.csv": lambda one: "holds no numbers" in one.refusal,
-    # two bytes of it were hit, so that no number in it is whole; it begins with the frequency one step before the next
+    # damaged in two places, so that none of its cells is a number; it begins with the frequency one step before the next
     "first-row-twice-hit.csv": lambda one: "holds no numbers" in one.refusal,
     "two-rows.csv": lambda one: "holds no numbers" in one.refusal,
     "last-row.csv": lambda one: "begins with no number" in one.refusal,
