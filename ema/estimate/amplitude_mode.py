@@ -8,10 +8,10 @@ all lines (Arslan, Aykan and Ozguven 2011); at constant force only for those abo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float, Int
 
 from ema.data import AmplitudeDependentMode, Band, Condition, Finding, SteppedLevel
 from ema.errors import InputError
@@ -25,13 +25,27 @@ _NEAR = 0.8
 """Share of the response at resonance above which a line of a level whose response was not constant is about the
 resonance: the amplitude, on which the mode depends, changes by a fifth over them. At 0.5 a softening oscillator (test)
 is read 2.5 % of its bandwidth too high."""
+_JUMP = 0.3
+"""Gap between two sides of a level, over the smaller of their stiffnesses, from which on its response jumps there: what
+is read between two lines so far apart is as uncertain. The steepest part of a curve that is about to fold counts as a
+jump where fewer than three lines show it."""
+_CLEAR = 5.0
+"""Gap over its standard deviation by noise, which exceeds this once in a million intervals (normal distribution)."""
+_SIDE = 4
+"""Lines on each side that are continued by a straight line: enough to see noise, too few to bend."""
+_ALIKE = 1.1
+"""Ratio of amplitudes up to which levels are one for the slope of frequency and loss over the amplitude: between equal
+levels it would be noise. Levels that are meant to differ do so by a fifth or more."""
+_PASSES = 3
+"""How often levels are read with what their neighbours tell of the amplitude: the third pass moves values by less than
+a tenth of their standard deviation (levels over which a mode falls by half its bandwidth)."""
 
 
 @dataclass(frozen=True)
 class _Resonance:
     """One level: natural frequency [Hz], modal mass [kg], loss 2 zeta m w_r^2 [N/m], std, amplitude, force [N].
 
-    ``turned`` : the response was counted against the force.
+    ``amplitude_std`` is relative.
     """
 
     frequency: float
@@ -41,8 +55,76 @@ class _Resonance:
     loss: float
     loss_std: float
     amplitude: float
+    amplitude_std: float
     force: float
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """The lines about the resonance of a level: w^2, force over displacement [N/m], and amplitude.
+
+    ``nearest`` is w^2 of the line below the resonance; ``turned``: the response was counted against the force.
+    """
+
+    level: SteppedLevel
+    squared: np.ndarray
+    stiffness: np.ndarray
+    amplitude: np.ndarray
+    nearest: float
     turned: bool
+
+
+@dataclass(frozen=True)
+class _Bend:
+    """How stiffness and loss of the modal oscillator [N/m] follow the logarithm of the amplitude, from all levels.
+
+    Levels of nearly one amplitude are one. Between two the curve is monotone (Fritsch and Carlson 1980), beyond the
+    last ones it goes on straight.
+    """
+
+    places: np.ndarray
+    values: np.ndarray
+    std: np.ndarray
+
+    @classmethod
+    def of(cls, read: Sequence[_Resonance], mass: float) -> "_Bend | None":
+        """From what was read of the levels; ``None`` where these have one amplitude."""
+        ordered = sorted(read, key=lambda one: one.amplitude)
+        groups: list[list[_Resonance]] = []
+        for one in ordered:
+            if groups and one.amplitude < _ALIKE * groups[-1][0].amplitude:
+                groups[-1].append(one)
+            else:
+                groups.append([one])
+        if len(groups) < 2:
+            return None
+        rows = [[(np.log(one.amplitude), *_stiffness(one, mass)) for one in group] for group in groups]
+        means = np.array([np.mean(row, axis=0) for row in rows])
+        std = [max(mass * 8 * np.pi**2 * one.frequency * one.frequency_std for one in group) for group in groups]
+        return cls(means[:, 0], means[:, 1] + 1j * means[:, 2], np.array(std))
+
+    def change(
+        self, amplitude: Float[np.ndarray, "line"], reference: float
+    ) -> tuple[Complex[np.ndarray, "line"], Float[np.ndarray, "line"]]:
+        """Stiffness at amplitudes, less that at the reference, and the part of it that the levels leave open."""
+        from scipy.interpolate import PchipInterpolator
+
+        x, around = np.log(amplitude), np.log(reference)
+        curves = [PchipInterpolator(self.places, part) for part in (self.values.real, self.values.imag)]
+
+        def at(where: np.ndarray) -> np.ndarray:
+            within = np.clip(where, self.places[0], self.places[-1])
+            value, slope = (curves[0](within, nu) + 1j * curves[1](within, nu) for nu in (0, 1))
+            return np.asarray(value + slope * (where - within))
+
+        nearest = int(np.clip(np.searchsorted(self.places, around), 1, len(self.places) - 1))
+        slope_std = np.hypot(*self.std[nearest - 1 : nearest + 1]) / np.diff(self.places)[nearest - 1]
+        return at(x) - at(np.array([around])), slope_std * (x - around)
+
+
+def _stiffness(one: _Resonance, mass: float) -> tuple[float, float]:
+    """Stiffness m w_r^2 and loss [N/m] of the modal oscillator."""
+    return mass * (2 * np.pi * one.frequency) ** 2, one.loss
 
 
 def amplitude_dependent_mode(
@@ -102,15 +184,20 @@ def amplitude_dependent_mode(
             expected="displacements, velocities or accelerations",
         )
     findings: list[Finding] = []
+    located: list[_Lines] = []
     read: list[_Resonance] = []
     for level in levels:
         findings += _not_constant(level)
-        resonance = _resonance(level)
+        lines = _located(level)
+        resonance = lines if isinstance(lines, Finding) else _read(lines)
         if isinstance(resonance, Finding):
             findings.append(resonance)
-        else:
+        elif isinstance(lines, _Lines):
+            located.append(lines)
             read.append(resonance)
-            findings += _turned(level) if resonance.turned else []
+            findings += _turned(level) if lines.turned else []
+    for _ in range(_PASSES):
+        read = _beside_each_other(located, read, modal_mass)
     if not read:
         raise InputError(
             "no level holds a resonance",
@@ -156,6 +243,14 @@ def _mode(
     reach = float(norm.ppf(0.975))
     damping_reach = reach * damping * np.hypot([one.loss_std for one in read] / loss, uncertain)
     frequency_reach = reach * np.array([one.frequency_std for one in read])
+    if (bend := _Bend.of(read, common)) is not None:
+        # an error of the amplitude is one of the values at it
+        amplitude = np.array([one.amplitude for one in read])
+        off = [bend.change(a * np.exp([one.amplitude_std]), a)[0][0] for a, one in zip(amplitude, read, strict=True)]
+        frequency_off = np.abs(np.real(off)) / (common * 8 * np.pi**2 * frequency)
+        damping_off = np.abs(np.imag(off)) / (2 * common * (2 * np.pi * frequency) ** 2)
+        frequency_reach = np.hypot(frequency_reach, reach * frequency_off)
+        damping_reach = np.hypot(damping_reach, reach * damping_off)
     contains = "scatter of the lines"
     return AmplitudeDependentMode(
         amplitude=np.array([one.amplitude for one in read]),
@@ -215,8 +310,8 @@ def _not_constant(level: SteppedLevel) -> list[Finding]:
     ]
 
 
-def _resonance(level: SteppedLevel) -> _Resonance | Finding:
-    """The resonance of a level, or why it has none."""
+def _located(level: SteppedLevel) -> _Lines | Finding:
+    """The lines about the resonance of a level, or why it has none."""
     if len(level.frequencies) < _FEWEST:
         return Finding.of(
             "warning",
@@ -247,16 +342,119 @@ def _resonance(level: SteppedLevel) -> _Resonance | Finding:
             1.0,
             "Step over a band with one resonance; several tell of modes that interact or of a noisy phase.",
         )
-    some = _about(level, int(crossings[0]))
-    centre, scale = float(squared[crossings[0]]), float(np.ptp(squared[some]))
-    x = (squared - centre) / scale
-    real, real_covariance = _polynomial(x[some], stiffness.real[some])
-    imaginary, imaginary_covariance = _polynomial(x[some], stiffness.imag[some])
+    crossing, jumps = int(crossings[0]), _jumps(squared, stiffness)
+    first = int(max(jumps[jumps < crossing] + 1, default=0))
+    last = int(min(jumps[jumps > crossing], default=len(squared) - 1))
+    if crossing in jumps or last + 1 - first < _FEWEST:
+        return _folded(level, int(jumps[np.argmin(np.abs(jumps - crossing))]))
+    some = np.arange(first, last + 1)
+    some = some[_about(np.abs(level.response)[some], crossing - first, level.control)]
+    return _Lines(level, squared[some], stiffness[some], np.abs(level.response)[some], float(squared[crossing]), turned)
+
+
+def _folded(level: SteppedLevel, jump: int) -> Finding:
+    """That the response jumps where the resonance would be read."""
+    low, high = np.abs(level.response[jump : jump + 2])
+    return Finding.of(
+        "warning",
+        "jump-at-resonance",
+        level.name,
+        "the response jumps between {low} and {high} Hz, where the resonance would be read; the level is left out.",
+        float(high / low),
+        1.0,
+        advice="The curve folds at this force: step the other way, hold the response constant, or excite less.",
+        low=f"{level.frequencies[jump]:.6g}",
+        high=f"{level.frequencies[jump + 1]:.6g}",
+    )
+
+
+def _jumps(squared: Float[np.ndarray, "line"], stiffness: Complex[np.ndarray, "line"]) -> Int[np.ndarray, "jump"]:
+    """Lines behind which another branch begins: straight lines through a few on both sides do not meet there.
+
+    The stiffness of one branch is smooth in w^2, however far its lines are apart: that of a linear mode is straight.
+    """
+    x = (squared - squared[0]) / np.ptp(squared)
+    # of white noise with E |n|^2 = s^2, |n_1 - (n_0 + n_2) / 2| has the median s sqrt(1.5 ln 2)
+    middle = 0.5 * (stiffness[:-2] + stiffness[2:])
+    noise = float(np.median(np.abs(stiffness[1:-1] - middle) / np.abs(stiffness[1:-1]))) / np.sqrt(1.5 * np.log(2))
+    return np.sort(_splits(x, stiffness, noise, 0))
+
+
+def _splits(
+    x: Float[np.ndarray, "line"], stiffness: Complex[np.ndarray, "line"], noise: float, before: int
+) -> Int[np.ndarray, "jump"]:
+    """The same of a part of the lines behind ``before`` others: the clearest jump, then those on both sides of it."""
+    clearest, jump = 1.0, -1
+    for n in range(1, len(x) - 2):
+        sides, half = (slice(max(n + 1 - _SIDE, 0), n + 1), slice(n + 1, n + 1 + _SIDE)), 0.5 * (x[n] + x[n + 1])
+        (left, a), (right, b) = (_continued(x[side], stiffness[side], half) for side in sides)
+        least = max(_JUMP * min(abs(left), abs(right)), _CLEAR * noise * np.sqrt(a + b) * max(abs(left), abs(right)))
+        if abs(right - left) > clearest * least:
+            clearest, jump = abs(right - left) / least, n
+    if jump < 0:
+        return np.zeros(0, dtype=int)
+    parts = (slice(0, jump + 1), before), (slice(jump + 1, None), before + jump + 1)
+    return np.concatenate(
+        [[before + jump], *(_splits(x[part], stiffness[part], noise, behind) for part, behind in parts)]
+    )
+
+
+def _continued(x: Float[np.ndarray, "line"], y: Complex[np.ndarray, "line"], there: float) -> tuple[complex, float]:
+    """A straight line through points, at an abscissa, and its variance there over that of a point."""
+    off = x - x.mean()
+    power = float(off @ off)
+    return complex(y.mean() + (off @ y) / power * (there - x.mean())), 1 / len(x) + (there - x.mean()) ** 2 / power
+
+
+def _beside_each_other(
+    located: Sequence[_Lines], read: Sequence[_Resonance], modal_mass: float | None
+) -> list[_Resonance]:
+    """The levels read again: lines at another amplitude than that at resonance are moved there.
+
+    Where the force is held, F / x also follows the amplitude, which changes along the lines: without this, the slope of
+    its real part is not the modal mass.
+    """
+    mass = modal_mass or float(np.median([one.mass for one in read] or [0.0]))
+    bend = _Bend.of(read, mass)
+    if bend is None:
+        return list(read)
+    again = []
+    for lines, one in zip(located, read, strict=True):
+        if _steady(lines.amplitude):
+            again.append(one)
+            continue
+        change, open_part = bend.change(_smooth(lines), one.amplitude)
+        moved = _read(replace(lines, stiffness=lines.stiffness - change))
+        other = _read(replace(lines, stiffness=lines.stiffness - change - open_part))
+        if isinstance(moved, Finding) or isinstance(other, Finding):
+            again.append(one)
+            continue
+        wider = {
+            name: float(np.hypot(getattr(moved, name), getattr(other, what) - getattr(moved, what)))
+            for name, what in (("frequency_std", "frequency"), ("mass_std", "mass"), ("loss_std", "loss"))
+        }
+        again.append(replace(moved, **wider))
+    return again
+
+
+def _smooth(lines: _Lines) -> Float[np.ndarray, "line"]:
+    """Amplitudes of the lines, by a polynomial of second order in w^2 through their logarithms."""
+    x = (lines.squared - lines.nearest) / np.ptp(lines.squared)
+    return np.asarray(np.exp(x[:, None] ** np.arange(3) @ _polynomial(x, np.log(lines.amplitude))[0]))
+
+
+def _read(lines: _Lines) -> _Resonance | Finding:
+    """The resonance that lines tell of."""
+    level, scale = lines.level, float(np.ptp(lines.squared))
+    x = (lines.squared - lines.nearest) / scale
+    real, real_covariance = _polynomial(x, lines.stiffness.real)
+    imaginary, imaginary_covariance = _polynomial(x, lines.stiffness.imag)
+    height, height_covariance = _polynomial(x, np.log(lines.amplitude))
     roots = np.roots(real[::-1])
-    root = float(np.real(roots[np.argmin(np.abs(roots - x[crossings[0]]))]))
+    root = float(np.real(roots[np.argmin(np.abs(roots))]))
     row = root ** np.arange(3)
     slope = float(real[1] + 2 * real[2] * root)
-    angular = float(np.sqrt(centre + scale * root))
+    angular = float(np.sqrt(lines.nearest + scale * root))
     frequency = angular / (2 * np.pi)
     loss = float(imaginary @ row)
     if not (loss > 0 and slope < 0):
@@ -279,16 +477,20 @@ def _resonance(level: SteppedLevel) -> _Resonance | Finding:
         mass_std=float(np.sqrt(along @ real_covariance @ along)) / scale,
         loss=loss,
         loss_std=float(np.sqrt(row @ imaginary_covariance @ row)),
-        amplitude=float(np.interp(frequency, level.frequencies, np.abs(level.response))),
+        amplitude=float(np.exp(height @ row)),
+        amplitude_std=float(np.sqrt(row @ height_covariance @ row)),
         force=float(np.interp(frequency, level.frequencies, level.force)),
-        turned=turned,
     )
 
 
-def _about(level: SteppedLevel, crossing: int) -> Bool[np.ndarray, "line"]:
+def _steady(amplitude: Float[np.ndarray, "line"]) -> bool:
+    """Whether one amplitude stands for all lines."""
+    return bool(amplitude.max() / amplitude.min() - 1 <= _HELD)
+
+
+def _about(height: Float[np.ndarray, "line"], crossing: int, control: str) -> Bool[np.ndarray, "line"]:
     """The lines for which one amplitude stands: all of a response-controlled level, else those about the resonance."""
-    height = np.abs(level.response)
-    if level.control == "response" and height.max() / height.min() - 1 <= _HELD:
+    if control == "response" and _steady(height):
         return np.ones(len(height), np.bool_)
     near = height >= _NEAR * height[crossing : crossing + 2].max()
     if near.sum() < _FEWEST:

@@ -11,6 +11,7 @@ from ema import estimate, store
 from ema.cli.app import app
 from ema.data import AmplitudeDependentMode, Band, SteppedLevel
 from ema.errors import InputError
+from ema.estimate.amplitude_mode import _jumps
 
 MASS, F0, ZETA0 = 2.0, 80.0, 0.001
 AMPLITUDES = (5.0, 10.0, 20.0, 40.0)  # m/s^2
@@ -295,3 +296,108 @@ def test_a_phase_that_is_no_number_is_refused(tmp_path):
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(InputError):
         read_levels(path)
+
+
+def swept(force, frequencies, mode, noise=0.0, rng=None):
+    """A level at constant force [N], stepped in the order of the frequencies: of several states the one nearest to that
+    before. ``mode`` gives frequency [Hz] and damping ratio at an amplitude [m/s^2]."""
+    amplitudes = np.geomspace(1e-2, 2e2, 6000)
+    f, zeta = mode(amplitudes)
+    state, states = None, []
+    for w in 2 * np.pi * frequencies:
+        wr = 2 * np.pi * f
+        over = np.abs(MASS * (wr**2 - w**2 + 2j * zeta * wr * w)) * amplitudes / w**2 - force
+        roots = amplitudes[:-1][over[:-1] * over[1:] <= 0]
+        # the middle one of three states is unstable
+        roots = roots[[0, -1]] if len(roots) >= 3 else roots[:1]
+        state = roots[np.argmin(np.abs(np.log(roots / (state or roots[0]))))]
+        states.append(state)
+    order = np.argsort(frequencies)
+    a, w = np.array(states)[order], 2 * np.pi * frequencies[order]
+    f, zeta = mode(a)
+    stiffness = (2 * np.pi * f) ** 2 - w**2 + 4j * np.pi * zeta * f * w
+    size, phase = 1 + np.zeros(len(a)), np.zeros(len(a))
+    if noise:
+        size, phase = size + noise * rng.standard_normal(len(a)), noise * rng.standard_normal(len(a))
+    response = -a * size * np.exp(1j * (phase - np.angle(stiffness)))
+    return SteppedLevel(
+        frequencies[order], np.full(len(a), force), response, "acceleration", "force", name=f"{force:.3g} N"
+    )
+
+
+def softening(share):
+    """A mode at 100 Hz that falls by a share of itself over the amplitude."""
+    return lambda a: (100 * (1 - share * a / (a + 10)), 0.003 + 0.004 * a / (a + 10))
+
+
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_a_level_whose_response_jumps_at_the_resonance_is_left_out_and_others_hold(way):
+    mode, levels, rng = softening(0.06), [], np.random.default_rng([7, len(way)])
+    for amplitude in (1.0, 2.0, 4.0, 8.0, 14.0):
+        f, zeta = mode(amplitude)
+        frequencies = np.linspace(f * (1 - 3 * zeta), f * (1 + 3 * zeta) + 1, 51)[:: 1 if way == "up" else -1]
+        levels.append(swept(2 * MASS * zeta * amplitude, frequencies, mode, 0.002, rng))
+    read = estimate.amplitude_dependent_mode(levels)
+    jumping = {finding.where for finding in read.findings if finding.code == "jump-at-resonance"}
+    # upwards a mode that softens is passed in a jump wherever its curve folds
+    assert jumping >= ({one.name for one in levels[2:]} if way == "up" else set())
+    assert len(jumping) + len(read.amplitude) == 5 and len(read.amplitude) >= 2
+    f, zeta = mode(read.amplitude)
+    assert np.all((read.frequency.low <= f) & (f <= read.frequency.high))
+    assert np.all((read.damping.low <= zeta) & (zeta <= read.damping.high))
+    assert read.modal_mass == pytest.approx(MASS, rel=0.07)
+
+
+def test_no_level_of_a_linear_mode_jumps_however_few_its_lines_and_noisy():
+    rng, linear = np.random.default_rng(11), softening(0.0)
+    for lines in (9, 15, 41):
+        for noise in (0.0, 0.01, 0.1):
+            for _ in range(10):
+                level = swept(0.01, np.linspace(98.5, 101.5, lines), linear, noise, rng)
+                read = estimate.amplitude_dependent_mode([level], modal_mass=MASS) if noise < 0.1 else None
+                assert read is None or "jump-at-resonance" not in {finding.code for finding in read.findings}
+                assert not len(_jumps((2 * np.pi * level.frequencies) ** 2, level.force / level.displacement))
+
+
+@pytest.mark.parametrize(("share", "noise"), [(0.005, 0.002), (0.01, 0.002), (0.01, 0.01), (0.03, 0.01)])
+def test_intervals_of_levels_at_constant_force_hold_a_mode_that_softens(share, noise):
+    """The modal mass is the slope of F / x over w^2 at one amplitude; along a level at constant force that falls by a
+    fifth on both sides of the resonance, and the frequency with it."""
+    rng, mode, inside, mass = np.random.default_rng([int(1e4 * share), int(1e4 * noise)]), softening(share), [], []
+    for _ in range(12):
+        levels = []
+        for amplitude in (2.0, 4.0, 8.0, 14.0, 22.0):
+            f, zeta = mode(amplitude)
+            frequencies = f * (1 + 3 * zeta * np.linspace(1, -1, 31))
+            levels.append(swept(2 * MASS * zeta * amplitude, frequencies, mode, noise, rng))
+        read = estimate.amplitude_dependent_mode(levels)
+        f, zeta = mode(read.amplitude)
+        inside.append((read.frequency.low <= f) & (f <= read.frequency.high))
+        inside.append((read.damping.low <= zeta) & (zeta <= read.damping.high))
+        mass.append(read.modal_mass)
+    # of 120 that hold 95 % fewer than 101 are inside once in a million
+    assert np.sum([np.sum(row) for row in inside]) >= 0.84 * np.sum([len(row) for row in inside])
+    assert np.mean(mass) == pytest.approx(MASS, rel=0.005)
+
+
+def test_an_uncertain_amplitude_is_in_the_interval_of_a_mode_that_follows_it():
+    """One reading of a controlled amplitude is off by the noise; where the frequency falls steeply, so is the mode."""
+    rng, inside = np.random.default_rng(5), []
+
+    def mode(a):
+        return 100 * (1 - 0.02 * np.log(a)), 0.002 + 0 * a
+
+    for _ in range(60):
+        levels = []
+        for amplitude in (2.0, 4.0, 8.0):
+            f, zeta = mode(amplitude)
+            frequencies = f * (1 + 3 * zeta * np.linspace(-1, 1, 31))
+            w, wr = 2 * np.pi * frequencies, 2 * np.pi * f
+            force = MASS * (wr**2 - w**2 + 2j * zeta * wr * w) * amplitude / w**2
+            read = amplitude * (1 + 0.02 * rng.standard_normal(31)) * np.exp(1j * (np.pi - np.angle(force)))
+            levels.append(SteppedLevel(frequencies, np.abs(force), read, "acceleration", "response"))
+        found = estimate.amplitude_dependent_mode(levels)
+        truth = mode(np.array(found.amplitude))[0]
+        inside.append((found.frequency.low <= truth) & (truth <= found.frequency.high))
+    # frequencies at the amplitudes read; of 180 that hold 95 % fewer than 155 are inside once in a million
+    assert np.sum(inside) >= 155
