@@ -1,7 +1,8 @@
 """`ema predict`: frequency and damping at amplitudes, or forces, that were not measured, from those that were."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -115,10 +116,9 @@ def _of_levels(wanted: _Wanted, amplitude: list[str], run: str, up_to: str) -> i
     from ema.study.plain import amplitude_lines, prediction
 
     mode = _mode(wanted.measured, run)
-    fitted = mode
-    if up_to:
-        fitted = mode.lowest(int((mode.amplitude <= _in_si(up_to, mode.quantity) * 1.01).sum()))
+    fitted = _fitted(mode, up_to) if up_to else mode
     predicted = predict_amplitudes(fitted, sorted(_in_si(text, mode.quantity) for text in amplitude))
+    predicted = replace(predicted, findings=(*mode.findings, *predicted.findings))
     inside, held_out = confirmed(predicted, mode) if up_to else (0, 0)
     picture = show.amplitude_modes([mode], [predicted])
     written = wanted.written(safe_name(mode.name or "mode"), {"mode": fitted, "prediction": predicted}, picture)
@@ -129,6 +129,28 @@ def _of_levels(wanted: _Wanted, amplitude: list[str], run: str, up_to: str) -> i
         _print(predicted, [*amplitude_lines(predicted)], (inside, held_out) if up_to else None)
         screen.show_written(screen.console(), written)
     return status(list(predicted.findings), wanted.limit)
+
+
+def _fitted(mode: "AmplitudeDependentMode", up_to: str) -> "AmplitudeDependentMode":
+    """The levels up to an amplitude.
+
+    Raises
+    ------
+    InputError : fewer than two of them, or all.
+    """
+    count = int((mode.amplitude <= _in_si(up_to, mode.quantity) * 1.01).sum())
+    if 2 <= count < len(mode.amplitude):
+        return mode.lowest(count)
+    from ema.units import SI_UNIT
+
+    raise InputError(
+        "--up-to leaves fewer than two levels to fit" if count < 2 else "--up-to leaves no level out",
+        where=mode.name,
+        got=f"--up-to '{up_to}'",
+        expected="an amplitude from the second level to below the highest one; there are "
+        + ", ".join(f"{amplitude:.4g}" for amplitude in mode.amplitude)
+        + f" {SI_UNIT[mode.quantity]}",
+    )
 
 
 def _of_map(wanted: _Wanted, model: Path, force: list[str], normal_force: list[str]) -> int:
@@ -234,14 +256,15 @@ def _mode(path: Path, run: str) -> "AmplitudeDependentMode":
             got=type(loaded).__name__,
             expected="what `ema map` writes for stepped levels",
         )
-    runs = mapping.stepped_runs(Study.load(path).open(), [run] if run else [])
+    every = mapping.stepped_runs(Study.load(path).open(), [])
+    runs = [one for one in every if not run or fnmatch(one.id, run)]
     if len(runs) != 1:
         raise InputError(
-            "which run of stepped levels is to be predicted from?" if runs else "no run of stepped levels",
+            "which run of stepped levels is to be predicted from?" if every else "no run of stepped levels",
             where=str(path),
-            got=", ".join(one.id for one in runs) or run or "none",
+            got=f"{f'--run {run}' if run else 'no --run'}; there are {', '.join(one.id for one in every) or 'none'}",
             expected="one run with [runs.levels]",
-            advice="name it by --run" if runs else "docs/campaign.md shows how levels enter a campaign",
+            advice="name it by --run" if every else "docs/campaign.md shows how levels enter a campaign",
         )
     return amplitude_dependent_mode(runs[0].levels, name=runs[0].id, condition=runs[0].condition)
 
@@ -266,6 +289,8 @@ def _print(found: "AmplitudePrediction", lines: list[str], tested: tuple[int, in
     for one in found.parameters:
         judged = "identifiable" if one.identifiable else f"not identifiable: {one.reason}"
         say(f"  {one.law}, {one.name}: {one.value:.3g} [{one.low:.3g}, {one.high:.3g}], {judged}")
-    if tested is not None:
+    if tested is not None and not tested[1]:
+        say("No level that was held out has one of these amplitudes: nothing confirms the prediction.")
+    elif tested is not None:
         say(f"Confirmed by held-out levels: {tested[0]} of {tested[1]} inside the bands of frequency and damping.")
     screen.show_findings(out, found.findings)

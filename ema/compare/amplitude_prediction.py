@@ -219,7 +219,8 @@ def confirmed(prediction: AmplitudePrediction, mode: AmplitudeDependentMode) -> 
     prediction : AmplitudePrediction
         Predicted frequency and damping.
     mode : AmplitudeDependentMode
-        Levels at the amplitudes of the prediction (within 1 %); others do not count.
+        Levels at the amplitudes of the prediction (within 1 %). Others do not count, and neither do those within the
+        amplitudes that were fitted: they are no test.
 
     Returns
     -------
@@ -237,7 +238,7 @@ def confirmed(prediction: AmplitudePrediction, mode: AmplitudeDependentMode) -> 
     inside = total = 0
     for n, amplitude in enumerate(prediction.amplitude):
         level = int(np.argmin(np.abs(mode.amplitude / amplitude - 1)))
-        if abs(mode.amplitude[level] / amplitude - 1) > 0.01:
+        if abs(mode.amplitude[level] / amplitude - 1) > 0.01 or prediction.beyond[n] <= 1.01:
             continue
         total += 1
         inside += all(

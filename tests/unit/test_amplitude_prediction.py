@@ -253,6 +253,30 @@ def test_the_verb_predicts_and_tests_itself_on_levels_held_out(written, tmp_path
     assert len(list((tmp_path / "out").glob("*.h5"))) == 1
 
 
+def test_levels_that_were_fitted_confirm_nothing(written, tmp_path):
+    import json
+
+    at = ("--amplitude", "4 m/s^2", "--amplitude", "8.4 m/s^2", "--up-to", "12 m/s^2", "--output", tmp_path / "out")
+    assert json.loads(command("predict", written, *at, "--json").stdout)["confirmed"] == {"held_out": 0, "inside": 0}
+    assert "nothing confirms the prediction" in command("predict", written, *at).stdout
+    for limit, what in (("100 m/s^2", "leaves no level out"), ("2 m/s^2", "fewer than two levels")):
+        done = command("predict", written, "--amplitude", "15 m/s^2", "--up-to", limit)
+        assert done.exit_code == 2 and what in done.stderr and "20 m/s^2" in done.stderr
+
+
+def test_the_verb_says_what_was_found_while_the_levels_were_read(tmp_path):
+    from dataclasses import replace
+
+    from ema import store
+    from ema.data import Finding
+
+    mode, _ = joint(np.geomspace(2.0, 20.0, 9), slip=5.0)
+    left_out = Finding("error", "no-single-resonance", "30 m/s^2", "the level is left out.", 0.0, 1.0, "Step wider.")
+    store.save(tmp_path / "mode.h5", replace(mode, findings=(left_out,)))
+    done = command("predict", tmp_path / "mode.h5", "--amplitude", "15 m/s^2", "--output", tmp_path / "out")
+    assert "the level is left out" in done.stdout and done.exit_code == 1
+
+
 def test_the_verb_asks_for_the_unit(written):
     done = command("predict", written, "--amplitude", "60")
     assert done.exit_code == 2
