@@ -34,6 +34,21 @@ _SCATTER = 0.25
 
 The envelope of Gaussian noise has 0.64 (Rayleigh distribution, pi / sqrt(24)), that of a decay next to none.
 """
+_ABOVE_NOISE = 4.0
+"""Where a decay ends, over the rms of what is behind it: there the amplitude is off by a quarter at most."""
+_NEARLY = 1.5
+"""Amplitudes up to this factor above the last one are looked at for whether a decay ends in a steady vibration."""
+_FALLING = 3.0
+"""Standard deviations from which on an amplitude falls."""
+_FLAT = 0.002
+"""Fall of the logarithm of an amplitude that is none: damping of 1e-5 over 30 cycles."""
+_DECAYED = 8.0
+"""How far above a steady vibration a record has to begin for that to be what its decay ends in."""
+_PURE, _ENOUGH = 0.1, 8.0
+"""Standard deviation of the logarithm of its amplitude, and of its phase in rad, up to which an end is a steady
+vibration and no noise, over this many independent values: noise looks so with a probability below 1e-10."""
+_REMOVED = 0.25
+"""Where a decay ends, over a steady vibration that was taken off: what is left of that is a few per cent of it."""
 _ENDS = 2.0
 """Filter lengths (one over the width of the band) that are left out at either end."""
 _FEWEST = 2.0
@@ -139,8 +154,12 @@ def ring_down(
     values, rate, what = _samples(signal, channel)
     _check(values, rate, band, what)
     analytic = band_passed(values, rate, band)
+    steady = _steady_vibration(analytic, rate, band) if stop is None and floor is None else None
+    if steady is not None:
+        analytic = analytic - steady
     amplitude, phase = np.abs(analytic), np.unwrap(np.angle(analytic))
-    first, last = _window(amplitude, rate, band, start, stop, floor, what)
+    least = 0.0 if steady is None else _REMOVED * float(np.abs(steady[0]))
+    first, last = _window(amplitude, rate, band, start, stop, floor, what, least)
     log, phase = np.log(amplitude[first:last]), phase[first:last]
     if log[0] < log[-1] + 0.1:
         raise _steady(what, float(np.exp(log[0])), float(np.exp(log[-1])))
@@ -159,7 +178,23 @@ def ring_down(
         Provenance(options=(("band", f"{band[0]:g} to {band[1]:g} Hz"),), steps=("ring_down",)),
         read[2],
         read[3],
-        _judged(times, read, band, what),
+        (*_judged(times, read, band, what), *(() if steady is None else (_not_decaying(steady, rate, what),))),
+    )
+
+
+def _not_decaying(steady: Complex[np.ndarray, "sample"], rate: float, what: str) -> Finding:
+    """That something in the band does not decay."""
+    amplitude = float(np.abs(steady[0]))
+    return Finding.of(
+        "warning",
+        "steady-vibration",
+        what,
+        "a vibration of {frequency} Hz in the band does not decay (amplitude {amplitude}); it is taken off.",
+        amplitude,
+        0.0,
+        advice="Look for hum or an exciter that still runs; or choose a band without it.",
+        frequency=f"{float(np.angle(steady[1] / steady[0])) * rate / (2 * np.pi):.4g}",
+        amplitude=f"{amplitude:.2g}",
     )
 
 
@@ -345,8 +380,9 @@ def _window(
     stop: float | None,
     floor: float | None,
     what: str,
+    least: float,
 ) -> tuple[int, int]:
-    """First and last sample of the decay."""
+    """First and last sample of the decay, which ends at the amplitude ``least`` if not before."""
     ends = round(_ENDS * rate / (band[1] - band[0]))
     first = int(np.argmax(amplitude[: len(amplitude) - ends])) + ends if start is None else round(start * rate)
     last = len(amplitude) - ends if stop is None else round(stop * rate)
@@ -359,7 +395,7 @@ def _window(
             got=f"{first / rate:.3g} to {last / rate:.3g} s",
             expected=f"inside 0 to {len(amplitude) / rate:.3g} s",
         )
-    least = _noise(amplitude, ends) if floor is None else floor * amplitude[first]
+    least = max(_ABOVE_NOISE * _noise(amplitude, ends), least) if floor is None else floor * amplitude[first]
     low = np.flatnonzero(amplitude[first:last] < least)
     last = first + int(low[0]) if len(low) else last
     if last - first < 3 * rate / band[0]:
@@ -384,15 +420,50 @@ def _steady(what: str, first: float, last: float) -> InputError:
 
 
 def _noise(amplitude: np.ndarray, ends: int) -> float:
-    """Four times the rms at the end of the record where it is noise (it scatters, and falls no more), else 0."""
+    """The rms at the end of the record where it is noise (it scatters, and falls no more), else 0."""
     count = max(len(amplitude) // 10, 4 * ends)
     tail = np.log(np.maximum(amplitude[-ends - count : -ends], 1e-300))
     if len(tail) < count:
         return 0.0
-    sample = np.arange(count)
-    scatter = float(np.std(tail - np.polyval(np.polyfit(sample, tail, 1), sample)))
     early, late = (float(np.sqrt(np.mean(np.exp(2 * half)))) for half in np.array_split(tail, 2))
-    return 4 * float(np.hypot(early, late) / np.sqrt(2)) if scatter > _SCATTER and early < 2 * late else 0.0
+    return float(np.hypot(early, late) / np.sqrt(2)) if _line(tail)[1] > _SCATTER and early < 2 * late else 0.0
+
+
+def _line(values: Float[np.ndarray, "sample"]) -> tuple[float, float]:
+    """Change over all values by a straight line, and the standard deviation about it."""
+    sample = np.arange(len(values))
+    line = np.polyfit(sample, values, 1)
+    return float(line[0] * len(values)), float(np.std(values - np.polyval(line, sample)))
+
+
+def _steady_vibration(
+    analytic: Complex[np.ndarray, "sample"], rate: float, band: tuple[float, float]
+) -> Complex[np.ndarray, "sample"] | None:
+    """A vibration of constant amplitude and frequency that a decay ends in, over the whole record, or ``None``.
+
+    The end of the record is one where its amplitude does not fall, though so little noise would let that be seen.
+    """
+    ends = round(_ENDS * rate / (band[1] - band[0]))
+    count = max(len(analytic) // 10, 4 * ends)
+    amplitude = np.abs(analytic[ends:-ends])
+    if len(amplitude) < 2 * count:
+        return None
+    level = float(np.sqrt(np.mean(amplitude[-count:] ** 2)))
+    # a slow decay is seen over the whole stretch of nearly that amplitude; how it came down to there is not
+    above = np.flatnonzero(amplitude > _NEARLY * level)
+    begins = max(len(amplitude) - max((len(amplitude) - above[-1]) // 2, count), 0) if len(above) else 0
+    tail = np.log(np.maximum(amplitude[begins:], 1e-300))
+    change, scatter = _line(tail)
+    # a straight line through n independent values tells its fall over all of them to s sqrt(12 / n)
+    independent = len(tail) * (band[1] - band[0]) / rate
+    falls = -change > max(_FALLING * scatter * np.sqrt(12 / max(independent, 3.0)), _FLAT)
+    turns = _line(np.unwrap(np.angle(analytic[ends + begins : -ends])))[1]
+    if falls or independent < _ENOUGH or max(scatter, turns) > _PURE or amplitude.max() < _DECAYED * level:
+        return None
+    sample = np.arange(len(analytic)) - (ends + begins)
+    part = slice(ends + begins, len(analytic) - ends)
+    turn = np.polyfit(sample[part], np.unwrap(np.angle(analytic[part])), 1)[0]
+    return np.asarray(np.mean(analytic[part] * np.exp(-1j * turn * sample[part])) * np.exp(1j * turn * sample))
 
 
 def _knee(phase: np.ndarray, rate: float, band: tuple[float, float]) -> int:

@@ -49,6 +49,40 @@ def test_noise_at_the_end_is_left_out():
     assert decay.damping_ratios[inside] == pytest.approx(0.01, abs=5e-4)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_hum_in_the_band_is_taken_off_and_makes_no_second_phase(seed):
+    rng = np.random.default_rng([20, seed])
+    rate, duration, mode, damping = 1024.0, 6.0, rng.uniform(36.0, 48.0), rng.uniform(0.006, 0.02)
+    hum, frequency = 10 ** rng.uniform(-3, -1.3), rng.uniform(49.5, 50.5)
+    t = np.arange(round(duration * rate)) / rate
+    signal = viscous(mode, damping, rate, duration) + hum * np.cos(2 * np.pi * frequency * t + rng.uniform(0, 6))
+    decay = ring_down(record(signal + 1e-4 * rng.normal(size=len(t)), rate), (30.0, 58.0))
+    assert np.isnan(decay.knee)
+    (finding,) = [one for one in decay.findings if one.severity != "info"]
+    assert finding.code == "steady-vibration" and finding.value == pytest.approx(hum, rel=0.05)
+    inner = slice(len(decay.times) // 20, -len(decay.times) // 20)
+    holds = (
+        np.abs(decay.damping_ratios - damping) <= decay.damping_reach,
+        np.abs(decay.frequencies - mode * np.sqrt(1 - damping**2)) <= decay.frequency_reach,
+    )
+    assert all(np.mean(part[inner]) > 0.9 for part in holds)
+    assert phases(decay)[0].damping == pytest.approx(damping, rel=0.01)
+
+
+@pytest.mark.parametrize("sticking", [2e-4, 1e-3])
+def test_a_joint_that_sticks_with_little_damping_is_no_hum(sticking):
+    """40 Hz with 2 % until the amplitude has fallen to a tenth, then 43 Hz with next to none, under 1 % noise."""
+    rate, rng = 1024.0, np.random.default_rng(4)
+    t = np.arange(round(4.0 * rate)) / rate
+    change = np.log(10) / (0.02 * 2 * np.pi * 40)
+    slip, after = np.minimum(t, change), np.maximum(t - change, 0)
+    log = -0.02 * 2 * np.pi * 40 * slip - sticking * 2 * np.pi * 43 * after
+    signal = np.exp(log) * np.cos(2 * np.pi * (40 * slip + 43 * after)) + 1e-3 * rng.normal(size=len(t))
+    decay = ring_down(record(signal, rate), (30.0, 58.0))
+    assert "steady-vibration" not in {one.code for one in decay.findings}
+    assert decay.times[-1] > 3.5 and phases(decay)[-1].frequency == pytest.approx(43, rel=1e-3)
+
+
 @pytest.fixture(scope="module", params=[100.0, 200.0, 400.0], ids="{:.0f} N".format)
 def released(request: pytest.FixtureRequest) -> Response:
     """The double beam let go from 20 N: it slides, and sticks in the end; 0.1 % of damping when stuck."""
