@@ -46,7 +46,8 @@ PROJECTED = "plane_projected"
 class KnownLaw:
     """A built-in law: its name, the compiled function that takes its increments, its parameters, its source.
 
-    ``plane``: that for isotropic friction in two directions.
+    ``plane``: that for isotropic friction in two directions. ``above``: the parameter, if any, that states the largest
+    friction force of slow motion over F_C.
     """
 
     name: str
@@ -55,6 +56,7 @@ class KnownLaw:
     parameters: tuple[Parameter, ...]
     meaning: str
     plane: str = PROJECTED
+    above: str = ""
 
 
 _BETA = Parameter("beta", "-", 1.0, "stiffness of the spring that slips last over that of the others", open_below=False)
@@ -163,6 +165,7 @@ CATALOGUE: dict[str, KnownLaw] = {
             ),
             "LuGre (Canudas de Wit et al. 1995)",
             "plane_lugre",
+            above="static ratio",
         ),
     )
 }

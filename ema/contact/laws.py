@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib import import_module
 from itertools import groupby
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ema.contact.catalogue import CATALOGUE, PROJECTED
+from ema.contact.contract import broken
 from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import springs_of
 from ema.data import FrictionLaw
@@ -19,6 +20,9 @@ from ema.errors import InputError
 UserFunction = Callable[[float, float, float, float, float, float, float, float], float]
 REGISTERED: dict[str, tuple[UserFunction, Any]] = {}
 """Laws of the user's own by name: the function, and what it was compiled to."""
+
+_OWN = 4
+"""Parameters that the function of such a law takes, p0 to p3."""
 
 _MODULES = {"spring": "springs"} | dict.fromkeys((law.plane for law in CATALOGUE.values()), "plane")
 _ELASTIC, _STATES = ("spring", "springs"), {"bouc_wen": 3, "lugre": 3, "plane_lugre": 3, "normal": 2}
@@ -105,6 +109,15 @@ class ContactLaws:
             None if ties is None else Couplings(none, none, np.zeros(0), ties.normals[:0], ties.curve),
         )
 
+    def repeated(self, count: int) -> "ContactLaws":
+        """The first contact ``count`` times."""
+        rows = [
+            np.repeat(part[:1], count, axis=0)
+            for part in (self.stiffness, self.parameters, self.flexibility, self.capacity)
+        ]
+        (name, _, _, *rest), *_ = self.groups
+        return ContactLaws(((name, 0, count, *rest),), rows[0], rows[1], self.curves, rows[2], rows[3])
+
     def one_by_one(self) -> tuple[np.ndarray, ...]:
         """What a kernel takes that follows the contacts one after the other: a row of ``groups`` for each of them,
         parameters, curves, the table of ``exchange``, and room for states (3, contact, state): before, after, spare."""
@@ -170,9 +183,13 @@ class ContactLaws:
         return self.followed(path, np.broadcast_to(slip_force, path.shape), interval)[0]
 
     def followed(
-        self, path: Float[np.ndarray, "contact sample"], limits: Float[np.ndarray, "contact sample"], interval: float
+        self,
+        path: Float[np.ndarray, "contact sample"],
+        limits: Float[np.ndarray, "contact sample"],
+        interval: float,
+        start: Float[np.ndarray, "contact state"] | None = None,
     ) -> tuple[Float[np.ndarray, "contact sample"], Float[np.ndarray, "contact state"]]:
-        """Forces in N of all contacts along paths in m from the unstressed state, and the state at the end.
+        """Forces in N of all contacts along paths in m from rest or the state ``start``, and the state at the end.
 
         ``limits`` N are their slip forces, ``interval`` s the time between samples.
         """
@@ -180,6 +197,8 @@ class ContactLaws:
 
         kernels: Any = solve_kernels
         states, forces = (np.zeros_like(self.flexibility), np.zeros_like(self.flexibility)), np.empty(path.shape)
+        if start is not None:
+            states[0][:] = start
         motion = np.ascontiguousarray(path), np.ascontiguousarray(limits)
         kernels.drive(self.arguments()[:3], motion, 1 / interval, self.exchange(), states, forces)
         return forces, states[path.shape[1] % 2]
@@ -215,6 +234,10 @@ def check_parameters(law: FrictionLaw) -> None:
             expected=", ".join(own),
             advice="make it by its constructor in ema.simulate",
         )
+    if law.name in REGISTERED and len(names) > _OWN:
+        raise InputError(
+            "more parameters than a law of one's own is handed", where=f"law {law.name}", got=len(names), expected=_OWN
+        )
     if not all(np.isfinite(value) for _, value in law.parameters):
         raise InputError(
             "a parameter is no number", where=f"law {law.name}", got=dict(law.parameters), expected="finite numbers"
@@ -225,6 +248,22 @@ def check_parameters(law: FrictionLaw) -> None:
             got=law.name,
             expected="one of " + ", ".join(sorted(CATALOGUE)),
             advice="a law of your own: ema.simulate.register_law",
+        )
+
+
+@lru_cache(maxsize=1024)
+def check_contract(law: FrictionLaw, stiffness: float, function: Any = None) -> None:
+    """Refuse a law that breaks what the solvers rely on, at a contact of ``stiffness`` N/m; tried once for each.
+
+    ``function``: to what a law of the user's own is compiled.
+
+    Raises
+    ------
+    InputError : it breaks ``ema.contact.contract``; the message has the point and the numbers.
+    """
+    for what, got, expected in broken(law, stiffness, assembled([law], np.array([stiffness]), [1])):
+        raise InputError(
+            what, where=f"law {law.name}", got=got, expected=expected, advice="see docs/laws.md for what a law must do"
         )
 
 
@@ -240,10 +279,27 @@ def contact_laws(
 
     Raises
     ------
-    InputError : a law is unknown or lacks a parameter.
+    InputError : a law is unknown or lacks a parameter, or one of the user's own breaks what the solvers rely on.
     """
+    own: dict[FrictionLaw, list[float]] = {}
     for law in {id(law): law for law in laws}.values():
         check_parameters(law)
+    for law, k in zip(laws, stiffness):
+        if law.name in REGISTERED:
+            own.setdefault(law, []).append(float(k))
+    for law, every in own.items():
+        for k in {min(every), max(every)}:
+            check_contract(law, k, REGISTERED[law.name][1])
+    return assembled(laws, stiffness, counts_of_joint, couplings)
+
+
+def assembled(
+    laws: Sequence[FrictionLaw],
+    stiffness: Float[np.ndarray, "contact"],
+    counts_of_joint: Sequence[int],
+    couplings: Couplings | None = None,
+) -> ContactLaws:
+    """The same for laws that are checked."""
     springs = {id(law): springs_of(law) for law in laws}
     partner = [-1] * len(laws) if couplings is None else couplings.partner[: len(laws)].tolist()
     curves: dict[tuple[float, float], int] = {}
@@ -262,7 +318,7 @@ def contact_laws(
         elif line == "lugre":
             values = values / np.array([pairs, pairs, 1.0, 1.0])
         elif line == "own":
-            extra, values = REGISTERED[law.name][1], np.concatenate([values, np.zeros(4)])[:4]
+            extra, values = REGISTERED[law.name][1], np.concatenate([values, np.zeros(_OWN)])[:_OWN]
         keys.append((name, extra, across, line if name == PROJECTED else "") if across >= 0 else None)
         rows.append(values)
     table = tables(curves)
