@@ -152,7 +152,7 @@ class ContactLaws:
                 whole = self.stiffness[first:end, None]
                 shares_k[first:end, :count] = 1 / (self.flexibility[first:end, :count] * whole)
                 shares_f[first:end, :count] = self.capacity[first:end, :count]
-                least[first:end] = (self.flexibility * self.capacity)[first:end, :count].min(axis=1)
+                least[first:end] = (self.flexibility[first:end, :count] * shares_f[first:end, :count]).min(axis=1)
         return counts, shares_k, shares_f, least
 
     def approach(self) -> Bool[np.ndarray, "contact"]:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ema.contact.laws import contact_laws
 from ema.errors import InputError
 from ema.simulate import Coulomb, Dahl, Iwan, LuGre, Masing, ParallelMasing, RegularisedMasing, loop, register_law
 from ema.simulate.friction import iwan_springs
@@ -71,6 +72,13 @@ def test_bad_user_laws_get_a_sentence():
         register_law("opens a file", lambda f, du, k, top, p0, p1, p2, p3: open("x").read())  # noqa: SIM115
     with pytest.raises(InputError, match="no number"):
         register_law("not a number", lambda f, du, k, top, p0, p1, p2, p3: math.nan)
+
+
+def test_springs_beside_a_law_of_more_states_are_read_without_a_warning():
+    laws = contact_laws([Masing(MU, K), LuGre(MU, K)], np.full(2, K), [1, 1])
+    with np.errstate(all="raise"):
+        counts, stiffness, force, least = laws.springs()
+    assert counts.tolist() == [1, 0] and stiffness[0, 0] == force[0, 0] == 1.0 and least.tolist() == [1 / K, 0.0]
 
 
 def test_friction_falls_with_the_normal_force():
