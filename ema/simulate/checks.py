@@ -28,6 +28,29 @@ def positive(where: str, **numbers: Any) -> None:
             raise InputError("not a positive number", where=where, got=f"{name} = {value!r}", expected="above 0")
 
 
+def with_unit(value: Any, unit: str) -> str:
+    """A value that is refused, with its unit; a text as it stands, as it may have one."""
+    return repr(value) if isinstance(value, str) else f"{value} {unit}"
+
+
+def sample_count(where: str, duration: float, sampling_rate: float) -> int:
+    """Whole sampling intervals of a motion.
+
+    Raises
+    ------
+    InputError : a number is not positive, or the motion ends before its first sample.
+    """
+    positive(where, duration=duration, sampling_rate=sampling_rate)
+    if duration * sampling_rate < 1 - 1e-9:
+        raise InputError(
+            "the motion ends before its first sample",
+            where=where,
+            got=f"{duration:g} s at {sampling_rate:g} Hz",
+            expected=f"a duration of {1 / sampling_rate:g} s or more, or {1 / duration:g} Hz or more",
+        )
+    return round(duration * sampling_rate)
+
+
 def not_negative(where: str, **numbers: Any) -> None:
     """Refuse what is no number of zero or more.
 

@@ -17,7 +17,7 @@ from ema.data import BeamModel, Response
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.checks import fits_memory, not_negative, positive
+from ema.simulate.checks import fits_memory, not_negative, positive, sample_count
 from ema.simulate.transient import (
     Drive,
     Problem,
@@ -244,7 +244,7 @@ def controlled_snapback(
         )
     seen = Dof.parse(sensor) if sensor is not None else dof
     problem = prepare(model, list(dict.fromkeys([dof, seen])))
-    samples = max(round(duration / actuator.sampling_time), 1)
+    samples = sample_count(model.name, duration, 1 / actuator.sampling_time)
     # the samples of every interval, and all of them again in one
     fits_memory(model.name, samples, 4 * len(problem.base.frequencies) + 4 * len(problem.system.contacts.limits) + 12)
     ramped = problem if start_force is None else prepare(model.with_normal_force(start_force), [dof])

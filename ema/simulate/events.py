@@ -18,7 +18,7 @@ from ema.data import BeamModel, EnergyBalance, Response
 from ema.dof import Dof
 from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.checks import fits_memory, positive
+from ema.simulate.checks import fits_memory, positive, sample_count
 from ema.simulate.friction import PIECEWISE_LINEAR
 from ema.simulate.transient import Problem, displacement_findings, energy_findings, prepare, released
 
@@ -238,8 +238,7 @@ def run_reference(
     """
     _check(problem)
     where = problem.system.name
-    positive(where, duration=duration, sampling_rate=sampling_rate)
-    count = max(round(duration * sampling_rate), 1)
+    count = sample_count(where, duration, sampling_rate)
     # modal state of the coupled and of all modes, springs and contacts
     fits_memory(where, count, 8 * len(problem.base.frequencies) + 6 * len(problem.system.contacts.limits))
     times = np.arange(count + 1) / sampling_rate

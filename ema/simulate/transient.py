@@ -18,7 +18,7 @@ from ema.data import BeamModel, EnergyBalance, Finding, Response
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
-from ema.simulate.checks import fits_memory, is_number, positive
+from ema.simulate.checks import fits_memory, is_number, positive, sample_count, with_unit
 from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
 from ema.simulate.joined import couplings, kept_at_rest, pressure, refuse_joined
 from ema.simulate.reduction import ModalBase, modal_base
@@ -327,8 +327,8 @@ def solve(
     InputError : duration, rate or tolerance is not positive, or the samples do not fit the memory.
     """
     where = problem.system.name
-    positive(where, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
-    samples = max(round(duration * sampling_rate), 1)
+    samples = sample_count(where, duration, sampling_rate)
+    positive(where, tolerance=tolerance)
     # this run and the one before
     fits_memory(where, samples, 2 * sum(_widths(problem).values()))
     interval = 1 / sampling_rate
@@ -525,10 +525,10 @@ def snapback(
     """
     dof = Dof.parse(at)
     problem = prepare(model, outputs or [dof], modes, [dof], plane=True, normal=normal_forces is None)
-    positive(model.name, duration=duration, sampling_rate=sampling_rate, tolerance=tolerance)
+    samples = sample_count(model.name, duration, sampling_rate)
     drive, limits = Drive(np.zeros(1)), None
     if normal_forces is not None:
-        times = np.arange(max(round(duration * sampling_rate), 1) + 1) / sampling_rate
+        times = np.arange(samples + 1) / sampling_rate
         drive = Drive(times, normal_forces=sampled_normal_forces(model, normal_forces, times))
         limits = drive.limits(problem, 1.0, 1)[0]
     start = partial(released, problem, load, dof, limits)
@@ -549,7 +549,7 @@ def released(
     """
     system = problem.system
     if not is_number(load):
-        raise InputError("not a load", where=system.name, got=f"{load} N", expected="a finite force")
+        raise InputError("not a load", where=system.name, got=with_unit(load, "N"), expected="a finite force")
     state = ramp(system, problem.laws, load * system.row(dof), INCREMENTS * finer, limits)
     q = problem.base.shapes.T @ (system.mass @ state.displacements)
     return _State(q, np.zeros_like(q), problem.base.slip @ q, state.forces, state.memory)

@@ -1,5 +1,7 @@
 """Whatever is wrong with an order to the time solvers is said in one sentence: what, where, got, expected."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -99,6 +101,9 @@ ORDERS = {
     "rate": lambda: snapback(model(), 20.0, TIP, 0.001, sampling_rate=0.0),
     "rate, reference": lambda: snapback_reference(model(), 20.0, TIP, 0.001, sampling_rate=NAN),
     "rate, forces": lambda: forced(rate=-5.0),
+    "duration below a sample": lambda: snapback(model(), 20.0, TIP, 0.1, sampling_rate=1.0),
+    "duration below a sample, reference": lambda: snapback_reference(model(), 20.0, TIP, 0.1, sampling_rate=1.0),
+    "duration below a sample, control": lambda: control(duration=1e-4),
     "tolerance": lambda: snapback(model(), 20.0, TIP, 0.001, tolerance=NAN),
     "tolerance, forces": lambda: forced(tolerance=0.0),
     "spacing": lambda: snapback_reference(model(), 20.0, TIP, 0.001, spacing=-1e-6),
@@ -162,6 +167,29 @@ def check(order):
     sentence = str(caught.value)
     assert "\n" not in sentence and 10 < len(sentence) < 300
     assert "got" in sentence or "expected" in sentence
+
+
+def test_a_motion_shorter_than_a_sample_says_what_would_do():
+    words = r"ends before its first sample; got 0.1 s at 1 Hz, expected a duration of 1 s or more, or 10 Hz or more"
+    with pytest.raises(InputError, match=words):
+        snapback(model(), 20.0, TIP, 0.1, sampling_rate=1.0)
+    assert snapback(model(), 20.0, TIP, 0.1, sampling_rate=10.0).times[-1] == pytest.approx(0.1)
+
+
+_LOAD_IN_WORDS = """
+from ema.errors import InputError
+from ema.simulate import Masing, Section, double_beam, snapback
+try:
+    snapback(double_beam(Masing(0.3, 1e9), 60.0, Section(0.5, 0.04, 0.005, elements=1)), "60 N", "beam 2:1:+Z", 0.01)
+except InputError as error:
+    print(error)
+"""
+
+
+def test_a_load_in_words_is_repeated_as_it_stands():
+    """In a process of its own: the types that the test run checks would be refused before."""
+    done = subprocess.run([sys.executable, "-W", "error", "-c", _LOAD_IN_WORDS], capture_output=True, text=True)
+    assert "not a load; got '60 N', expected a finite force" in done.stdout, done.stderr
 
 
 def test_a_load_beyond_small_displacements_is_a_finding():
