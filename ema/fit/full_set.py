@@ -203,7 +203,7 @@ class _Sums:
         self.of_likely, self.before_likely = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
         self.fewer: dict[int, FewerTerms] = {}
         self.share, self.cost, self.equations, self.outputs = np.ones(modes), 0.0, 0, 0
-        self.own, self.shapes = np.zeros(modes), np.zeros((count, modes), complex)
+        self.above_noise, self.shapes = np.zeros(modes), np.zeros((count, modes), complex)
         self.told, self.pull = np.zeros((count, modes)), np.zeros((count, unknowns))
         self.pull_of_lines: Float[np.ndarray, "group unknown"] | float = 0.0
         self.largest: dict[int, tuple[float, int]] = {}
@@ -228,7 +228,8 @@ class _Sums:
         self.outputs += len(rows)
         modes = len(fit.poles)
         diagonal = np.diagonal(found.local, axis1=1, axis2=2)
-        self.own += np.sum(diagonal[:, :modes] + diagonal[:, modes:], axis=0)
+        noise = np.maximum(diagonal[:, :modes] + diagonal[:, modes:], np.finfo(float).tiny)
+        self.above_noise += np.sum(np.abs(found.shapes[:, 0]) ** 2 / noise, axis=0)
         self.shapes[rows] = found.shapes[:, 0]
         of_unit = replace(found, shapes=np.ones_like(found.shapes))
         per_unit = np.zeros((len(rows), 1, len(found.gradient) // 2), complex)
@@ -454,9 +455,8 @@ def _with_scatter(
 
 
 def _scatter(sums: _Sums, refined: Refined) -> Float[np.ndarray, "pole"]:
-    """Variance of each shape over its energy, by the errors of each output."""
-    energy = np.maximum(np.sum(np.abs(sums.shapes) ** 2, axis=0), 1e-300)
-    return np.asarray(refined.inflation_of_shapes * sums.own / energy)
+    """Variance of each shape over its energy, by the errors of each output and in units of these."""
+    return np.asarray(refined.inflation_of_shapes * sums.outputs / np.maximum(sums.above_noise, 1e-300))
 
 
 def _moved(fit: Fit, step: Float[np.ndarray, "unknown"]) -> Fit:

@@ -38,6 +38,7 @@ from ema.fit.search import OPERATIONS
 from ema.fit.selection import Dropped, Selection, extended, of_poles, reduced, select
 from ema.fit.stabilisation import stabilise
 from ema.fit.uncertainty import PoleErrors
+from ema.fit.without_modes import without_modes
 from ema.messages import mark
 from ema.progress import Progress, advance, silent
 
@@ -173,7 +174,7 @@ class Estimate:
         else:
             model = self.full_set.model(made_of_part)
             model = replace(model, findings=(*model.findings, self.full_set.finding))
-        model = replace(model, findings=(*model.findings, *companions(model)))
+        model = replace(model, findings=(*model.findings, *companions(model), *without_modes(model)))
         if self.compared is not None and self.frfs.set_ups is not None:
             model = set_up_shifts.stated(model, self.compared, self.frfs.set_ups)
         model = self._unsettled(model)

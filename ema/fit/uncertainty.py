@@ -33,7 +33,7 @@ class _Errors:
 class PoleErrors:
     """Uncertainty of every pole of an optimum: errors of the poles by independent causes of unit variance (pole, cause)
     in rad/s, standard deviations of natural frequency [Hz] and damping ratio, and variance of each shape over its
-    energy without what only rescales or turns it.
+    energy without what only rescales or turns it, each output in units of its noise.
     """
 
     poles: Complex[np.ndarray, "pole cause"]
@@ -124,14 +124,19 @@ def amplified(found: PoleErrors, fit: Fit, gains: Gains) -> PoleErrors:
 
 
 def _scatter(psi: Complex[np.ndarray, "out"], errors: _Errors) -> float:
-    """Variance of a shape over its energy, without what only rescales or turns it.
+    """Variance of a shape over its energy, without what only rescales or turns it, each output in units of its noise.
 
-    The MAC of the shape with the true one is expected near ``1 / (1 + scatter)``.
+    The MAC of the shape with the true one is expected near ``1 / (1 + scatter)``. Where all outputs are as noisy, it is
+    that of the shape itself; an output that is noise alone adds its own share, whatever its unit or its size.
     """
+    power = np.sum(np.abs(errors.own) ** 2, axis=1)
+    rounding = np.finfo(float).eps ** 2 * np.max(power, initial=0.0)
+    noise = np.sqrt(np.maximum(power, max(rounding, np.finfo(float).tiny)))
+    psi, by_causes, by_itself = psi / noise, errors.shape / noise[:, None], errors.own / noise[:, None]
     energy = max(float(np.vdot(psi, psi).real), 1e-300)
     # The component along the shape itself rescales and turns it.
-    shared = np.sum(np.abs(errors.shape) ** 2) - np.sum(np.abs(psi.conj() @ errors.shape) ** 2) / energy
-    own = np.sum(np.abs(errors.own) ** 2) - np.sum(np.abs(psi.conj()[:, None] * errors.own) ** 2) / energy
+    shared = np.sum(np.abs(by_causes) ** 2) - np.sum(np.abs(psi.conj() @ by_causes) ** 2) / energy
+    own = np.sum(np.abs(by_itself) ** 2) - np.sum(np.abs(psi.conj()[:, None] * by_itself) ** 2) / energy
     return float(max(shared, 0.0) + own) / energy
 
 
