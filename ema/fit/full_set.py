@@ -92,7 +92,7 @@ class FullSet:
             places = np.concatenate([self.anchored, rows[new]])
             dofs = tuple(self.start.dofs[place] for place in places)
             optimum = replace(self.optimum, fit=replace(both, share=fit.share))
-            part = make(replace(self.data, dofs=dofs), optimum, uncertainty.errors_of(optimum))
+            part = make(replace(self.data, dofs=dofs, rows=places), optimum, uncertainty.errors_of(optimum))
             parts.append((places, part))
         return _whole(parts, len(self.anchored), self.start.dofs, self.packed.alive)
 
@@ -336,7 +336,7 @@ def full_set(
     """The optimum on all outputs next to that on the channels; ``data`` are the channels that were fitted."""
     fit, references = optimum.fit, packed.frfs.inputs
     every = band.outputs if references == band.inputs else band.inputs
-    columns = [references.index(dof) for dof in data.references]
+    columns = data.columns.tolist()
     own = np.asarray(packed.frfs.values)[-len(data.frequencies) :, :, columns]
     taken_off = own - data.values if own.shape == data.values.shape else np.zeros(0)
     correction = taken_off.transpose(1, 2, 0) if np.any(taken_off != 0) else None
@@ -370,7 +370,13 @@ def full_set(
         band=band,
         packed=packed,
         start=start,
-        data=replace(data, dofs=alive, dead=(*dead, *data.dead), swapped=references != band.inputs),
+        data=replace(
+            data,
+            dofs=alive,
+            rows=np.flatnonzero(packed.alive),
+            dead=(*dead, *data.dead),
+            swapped=references != band.inputs,
+        ),
         optimum=refined,
         errors=errors,
         used=used,

@@ -1,5 +1,6 @@
 """From poles to modes: selection, residues with what lies outside, scaling."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -326,7 +327,7 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
         parts = set_ups.split(band)
         if parts:
             try:
-                fits = [_part(part, band) for part in parts]
+                fits = [_part(band, *part) for part in parts]
             except InputError:  # as where all sensors of a set-up were dead: nothing to compare
                 fits = []
             compared = set_ups.compare(fits) if fits else None
@@ -354,20 +355,21 @@ def _of_file(frfs: FrfSet, band: FrfSet, poles: PoleTable, progress: Progress) -
     )
 
 
-def _part(frfs: FrfSet, whole: FrfSet) -> set_ups.PartFit:
-    """The poles of one set-up of a test."""
+def _part(whole: FrfSet, outputs: list[int], inputs: list[int]) -> set_ups.PartFit:
+    """The poles of one set-up of a test, of some of its outputs and inputs."""
+    frfs = whole.pick(outputs, inputs)
     found = _fitted(frfs, stabilise(frfs), silent)
     fit, residues = found.optimum.fit, _residues(found)
-    dofs, references = found.data.dofs, found.data.references
-    outputs, inputs = (references, dofs) if found.data.swapped else (dofs, references)
+    sides = found.data.rows, found.data.columns
+    rows, columns = sides[::-1] if found.data.swapped else sides
     # The side that the set-ups share: forces where sensors rove, sensors where forces do.
-    across = frfs.outputs == whole.outputs
+    across = len(outputs) == len(whole.outputs)
     vectors = [np.linalg.svd(one, full_matrices=False) for one in residues]
     return set_ups.PartFit(
         poles=fit.poles,
         residues=residues,
-        outputs=outputs,
-        inputs=inputs,
+        rows=np.array(outputs)[rows],
+        columns=np.array(inputs)[columns],
         vectors=np.array([left[:, 0] if across else right[0] for left, _, right in vectors]),
         accepted=found.verdict.accepted,
         frequency_std=found.errors.frequency,
@@ -722,6 +724,7 @@ def _findings(
                 names=", ".join(map(str, data.dead[:6])),
             )
         )
+    found += _repeated(where, band)
     found += _coherence(where, band)
     found += _candidates(where, optimum, verdict, order, added_decay=band.added_decay)
     for drop in dropped[-_NAMED:]:
@@ -827,6 +830,28 @@ def _candidates(
             )
         )
     return found
+
+
+def _repeated(where: str, band: FrfSet) -> list[Finding]:
+    """DOFs that occur twice; those of several set-ups were measured in each."""
+    number = None if band.set_ups is None else band.set_ups.number
+    names: list[str] = []
+    for dofs, of_side in ((band.outputs, number), (band.inputs, None if number is None else number.T)):
+        places = Counter((dof, () if of_side is None else tuple(of_side[row])) for row, dof in enumerate(dofs))
+        names += dict.fromkeys(str(dof) for (dof, _), count in places.items() if count > 1)
+    if not names:
+        return []
+    return [
+        Finding.of(
+            "warning",
+            "duplicated-dof",
+            where,
+            "{names} occur more than once among the outputs, or among the inputs: each is fitted by itself.",
+            float(len(names)),
+            advice="Correct the names, or leave out all but one of each: what is looked up by name takes one of them.",
+            names=", ".join(names[:_NAMED]),
+        )
+    ]
 
 
 def _coherence(where: str, band: FrfSet) -> list[Finding]:

@@ -90,8 +90,7 @@ def of_references(
     """
     if band.output_correlation is None or data.swapped:
         return None
-    columns = [band.inputs.index(dof) for dof in data.references]
-    correlation = band.output_correlation[-len(flat.s) :, columns].T
+    correlation = band.output_correlation[-len(flat.s) :, data.columns].T
     if known is None:
         return correlation
     noise = known * flat.weights / (2 * np.abs(flat.s) ** (2 * data.derivative))

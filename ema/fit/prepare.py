@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 from ema.data import FrfSet
 from ema.dof import Dof
@@ -15,7 +15,8 @@ from ema.units import DERIVATIVE_ORDER
 @dataclass(frozen=True)
 class Prepared:
     """FRFs (freq, dof, reference) with their noise level; ``swapped`` says that references are the outputs of the test
-    (roving hammer: by reciprocity the shapes live on the hammer's DOFs). ``dead`` lists DOFs whose FRFs are all zero.
+    (roving hammer: by reciprocity the shapes live on the hammer's DOFs). ``dead`` lists DOFs whose FRFs are all zero;
+    ``rows`` (dof,) and ``columns`` (in,) are the positions of the others among those of the set.
     """
 
     frequencies: Float[np.ndarray, "freq"]
@@ -26,6 +27,8 @@ class Prepared:
     noise: noise.NoiseLevel
     swapped: bool
     dead: tuple[Dof, ...]
+    rows: Int[np.ndarray, "dof"]
+    columns: Int[np.ndarray, "in"]
 
 
 def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
@@ -96,4 +99,6 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
         swapped,
         tuple(d for d, a in zip(dofs, alive.tolist(), strict=True) if not a)
         + tuple(r for r, d in zip(references, driven.tolist(), strict=True) if not d),
+        np.flatnonzero(alive),
+        np.flatnonzero(driven),
     )

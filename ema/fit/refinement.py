@@ -389,16 +389,9 @@ def known_variance(band: FrfSet, data: Prepared) -> tuple[Float[np.ndarray, "out
         return None, f"scatter of the residuals over the lines{why}"
     if data.swapped:
         variance = variance.transpose(0, 2, 1)
-    rows, columns = _places(band, data)
-    variance = variance[len(variance) - len(data.frequencies) :][:, rows][:, :, columns]
+    variance = variance[len(variance) - len(data.frequencies) :][:, data.rows][:, :, data.columns]
     source = "variance of the FRFs" if band.variance is not None else "coherence of the FRFs"
     return np.ascontiguousarray(variance.transpose(1, 2, 0)), f"{source}, scaled to the residuals"
-
-
-def _places(band: FrfSet, data: Prepared) -> tuple[list[int], list[int]]:
-    """Where the DOFs and the references of the fit are among those of the FRFs."""
-    dofs, references = (band.inputs, band.outputs) if data.swapped else (band.outputs, band.inputs)
-    return [dofs.index(dof) for dof in data.dofs], [references.index(dof) for dof in data.references]
 
 
 def _single_impacts(
@@ -409,10 +402,9 @@ def _single_impacts(
     values, blows = band.deviations.values, band.deviations.blows
     if data.swapped:
         values, blows = values.transpose(0, 1, 3, 2), blows.transpose(0, 2, 1)
-    rows, columns = _places(band, data)
-    values = values[:, values.shape[1] - len(data.frequencies) :][:, :, rows][:, :, :, columns]
+    values = values[:, values.shape[1] - len(data.frequencies) :][:, :, data.rows][:, :, :, data.columns]
     curve = flat.s**-data.derivative
-    return values.transpose(0, 2, 3, 1) * curve, blows[:, rows][:, :, columns]
+    return values.transpose(0, 2, 3, 1) * curve, blows[:, data.rows][:, :, data.columns]
 
 
 def _misfit(data: Observations, fit: Fit, derivative: int, known: Float[np.ndarray, "out in freq"] | None) -> bool:

@@ -25,7 +25,6 @@ from ema.data import (
     natural_frequencies,
     poles_from,
 )
-from ema.dof import Dof
 from ema.shapes import mac
 from ema.synthesis import pole_basis
 from ema.units import DERIVATIVE_ORDER
@@ -51,14 +50,15 @@ of the aligned FRFs within it take over the scatter between the set-ups."""
 class PartFit:
     """Poles of one set-up as its FRFs show them (rad/s, windows included), with what it takes to compare and move them.
 
-    ``residues`` (pole, out, in) on ``outputs`` and ``inputs``; ``vectors`` (pole, in or out) on the side that all
-    set-ups share; ``accepted`` (pole,) are its modes; standard deviations of frequency [Hz] and damping ratio.
+    ``residues`` (pole, out, in) on the outputs ``rows`` and the inputs ``columns`` of the test; ``vectors`` (pole, in
+    or out) on the side that all set-ups share; ``accepted`` (pole,) are its modes; standard deviations of frequency
+    [Hz] and damping ratio.
     """
 
     poles: Complex[np.ndarray, "pole"]
     residues: Complex[np.ndarray, "pole out in"]
-    outputs: tuple[Dof, ...]
-    inputs: tuple[Dof, ...]
+    rows: Int[np.ndarray, "out"]
+    columns: Int[np.ndarray, "in"]
     vectors: Complex[np.ndarray, "pole common"]
     accepted: Bool[np.ndarray, "pole"]
     frequency_std: Float[np.ndarray, "pole"]
@@ -92,19 +92,20 @@ class Comparison:
         return self.chance < CHANCE
 
 
-def split(frfs: FrfSet) -> tuple[FrfSet, ...]:
-    """FRFs of each set-up, rows or columns of the whole; none of a single set-up, or where they share no side."""
+def split(frfs: FrfSet) -> tuple[tuple[list[int], list[int]], ...]:
+    """Outputs and inputs of each set-up; none of a single set-up, or where they share no side."""
     if frfs.set_ups is None:
         return ()
     number = frfs.set_ups.number
     present = np.unique(number)
     if len(present) < 2:
         return ()
+    outputs, inputs = list(range(len(frfs.outputs))), list(range(len(frfs.inputs)))
     by_rows, by_columns = np.all(number == number[:, :1]), np.all(number == number[:1])
     if by_rows:
-        return tuple(frfs.pick(outputs=np.flatnonzero(number[:, 0] == one).tolist()) for one in present)
+        return tuple((np.flatnonzero(number[:, 0] == one).tolist(), inputs) for one in present)
     if by_columns:
-        return tuple(frfs.pick(inputs=np.flatnonzero(number[0] == one).tolist()) for one in present)
+        return tuple((outputs, np.flatnonzero(number[0] == one).tolist()) for one in present)
     return ()
 
 
@@ -176,9 +177,7 @@ def aligned(frfs: FrfSet, parts: Sequence[PartFit], comparison: Comparison) -> F
         change = _response(frfs.frequencies, target[moving], after) - _response(
             frfs.frequencies, part.poles[moving], before
         )
-        rows = [frfs.outputs.index(dof) for dof in part.outputs]
-        columns = [frfs.inputs.index(dof) for dof in part.inputs]
-        values[:, np.array(rows)[:, None], columns] += derivative[:, None, None] * change
+        values[:, part.rows[:, None], part.columns] += derivative[:, None, None] * change
     return replace(frfs, values=values)
 
 
@@ -190,7 +189,7 @@ def _of_common_vectors(parts: Sequence[PartFit], comparison: Comparison) -> list
     chosen in many ways, the residues stay.
     """
     residues = [np.array(part.residues) for part in parts]
-    across = len({part.inputs for part in parts}) > 1
+    across = len({tuple(part.columns.tolist()) for part in parts}) > 1
     for row in comparison.rows:
         seen = [(k, pole) for k, pole in enumerate(row.tolist()) if pole >= 0]
         matrices = [residues[k][pole].T if across else residues[k][pole] for k, pole in seen]
