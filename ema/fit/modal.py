@@ -31,7 +31,7 @@ from ema.fit.estimator import Fit
 from ema.fit.full_set import FullSet, full_set, needless
 from ema.fit.narrow import narrow_peaks
 from ema.fit.policy import POLICY
-from ema.fit.prepare import Prepared, prepare
+from ema.fit.prepare import Prepared, check_statements, prepare
 from ema.fit.record_end import as_recorded, of_whole_vibration
 from ema.fit.refinement import Refined, Start, known_variance, refined, with_weak, without_needless
 from ema.fit.scaling import scale_to_unit_modal_mass
@@ -56,8 +56,8 @@ _NAMED = 10
 def modes(
     frfs: FrfSet,
     poles: PoleTable,
-    near: Sequence[float] | None = None,
-    index: Sequence[int] | None = None,
+    near: float | Sequence[float] | None = None,
+    index: int | Sequence[int] | None = None,
     shapes: Literal["complex", "real"] = "complex",
     progress: Progress = silent,
 ) -> ModalModel:
@@ -74,10 +74,10 @@ def modes(
         outputs at a time.
     poles : PoleTable
         Poles of all model orders (:func:`stabilise`).
-    near : sequence of float, optional
+    near : float or sequence of float, optional
         Frequencies [Hz]: the modes next to these are reported, accepted or not. A frequency named twice asks for both
         modes of a repeated root.
-    index : sequence of int, optional
+    index : int or sequence of int, optional
         Rows of ``poles``: the modes that these poles belong to are reported.
     shapes : {"complex", "real"}, default "complex"
         Complex shapes, or real ones (each mode rotated to its mean phase).
@@ -104,6 +104,8 @@ def modes(
     """
     if shapes not in ("complex", "real"):
         raise InputError("unknown kind of shapes", got=repr(shapes), expected="complex or real")
+    _named_frequencies(near)
+    _named_rows(index)
     model = estimated(frfs, poles, progress).model(near, index)
     return _real(model) if shapes == "real" else model
 
@@ -144,7 +146,9 @@ class Estimate:
     scale: float = 1.0
     stopped: bool = False
 
-    def model(self, near: Sequence[float] | None = None, index: Sequence[int] | None = None) -> ModalModel:
+    def model(
+        self, near: float | Sequence[float] | None = None, index: int | Sequence[int] | None = None
+    ) -> ModalModel:
         """The accepted modes, or those named (`modes`).
 
         Raises
@@ -152,6 +156,7 @@ class Estimate:
         InputError : there is no pole near a wanted frequency.
         """
         fit, verdict = self.optimum.fit, self.verdict
+        near, index = _named_frequencies(near), _named_rows(index)
         if near is None and index is None:
             order = np.flatnonzero(verdict.accepted)
         else:
@@ -318,6 +323,8 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
     ------
     InputError : the FRFs cannot be fitted.
     """
+    check_statements(frfs)
+    _check_table(poles, frfs)
     dense = padding.density(frfs)
     band, scale = canonical((frfs if dense is None else padding.resolved(frfs, dense)).band(*poles.band))
     if band.in_file:
@@ -336,6 +343,25 @@ def estimated(frfs: FrfSet, poles: PoleTable, progress: Progress = silent) -> Es
                 table = stabilise(band, np.unique(poles.order).tolist())
         found = _fitted(band, table, progress)
     return replace(found, frfs=frfs, table=poles, compared=compared, dense=dense, scale=scale)
+
+
+def _check_table(poles: PoleTable, frfs: FrfSet) -> None:
+    """Check that a pole table has references of the FRFs.
+
+    Raises
+    ------
+    InputError : it has others.
+    """
+    references = frfs.outputs if len(frfs.outputs) < len(frfs.inputs) else frfs.inputs
+    unknown = [dof for dof in poles.references if dof not in references]
+    if unknown or len(poles.references) > len(references):
+        raise InputError(
+            "the pole table is not that of these FRFs",
+            where=frfs.name or "FRFs",
+            got=f"a table with the references {', '.join(map(str, poles.references))}",
+            expected=f"some of {', '.join(map(str, references))}",
+            advice="compute it from these FRFs with ema.fit.stabilise",
+        )
 
 
 def _of_file(frfs: FrfSet, band: FrfSet, poles: PoleTable, progress: Progress) -> Estimate:
@@ -568,6 +594,36 @@ def _changed(
     dropped = tuple(Dropped(complex(optimum.at_optimum.poles[pole]), "the other poles do without it") for pole in gone)
     smaller = of_poles(chosen, optimum.kept[left], start.fit, band)
     return replace(smaller, dropped=(*chosen.dropped, *dropped)), start, True
+
+
+def _named_frequencies(near: object) -> list[float] | None:
+    """Wanted frequencies [Hz]; a single one is a number.
+
+    Raises
+    ------
+    InputError : they are none, or no numbers.
+    """
+    if near is None:
+        return None
+    wanted = np.atleast_1d(np.asarray(near))
+    if wanted.ndim > 1 or wanted.dtype.kind not in "iuf" or not wanted.size or not np.all(np.isfinite(wanted)):
+        raise InputError("near names no frequencies", got=repr(near), expected="one or more numbers in Hz")
+    return [float(frequency) for frequency in wanted]
+
+
+def _named_rows(index: object) -> list[int] | None:
+    """Wanted rows of the pole table; a single one is a number.
+
+    Raises
+    ------
+    InputError : they are none, or no whole numbers.
+    """
+    if index is None:
+        return None
+    wanted = np.atleast_1d(np.asarray(index))
+    if wanted.ndim > 1 or wanted.dtype.kind not in "iu" or not wanted.size:
+        raise InputError("index names no rows of the pole table", got=repr(index), expected="one or more whole numbers")
+    return [int(row) for row in wanted]
 
 
 def _named(

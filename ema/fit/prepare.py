@@ -31,6 +31,43 @@ class Prepared:
     columns: Int[np.ndarray, "in"]
 
 
+def check_statements(frfs: FrfSet) -> None:
+    """Check what is stated with FRFs of their noise, their window and their record.
+
+    Raises
+    ------
+    InputError : a variance, a length, a decay or a number of lines that there is not.
+    """
+    where = frfs.name or "FRFs"
+    if not (np.isfinite(frfs.added_decay) and frfs.added_decay >= 0):
+        raise InputError(
+            "the decay that the exponential window added is no decay",
+            where=where,
+            got=f"{frfs.added_decay:g} 1/s",
+            expected="0 (no window) or more",
+        )
+    if frfs.record_length is not None and not (np.isfinite(frfs.record_length) and frfs.record_length > 0):
+        raise InputError(
+            "the record length is no length", where=where, got=f"{frfs.record_length:g} s", expected="more than 0 s"
+        )
+    effective = frfs.effective_lines
+    if effective is not None and not np.all(np.isfinite(effective) & (effective > 0)):
+        raise InputError(
+            "the number of lines that each line was averaged over is not positive",
+            where=where,
+            got=f"{np.min(effective):g}",
+            expected="effective_lines above 0",
+        )
+    if frfs.variance is not None and not frfs.in_file and np.any(np.asarray(frfs.variance) < 0):
+        line, output, input_ = np.argwhere(np.asarray(frfs.variance) < 0)[0]
+        raise InputError(
+            "the variance of an FRF is negative",
+            where=f"{where}, {frfs.label(int(output), int(input_))}, {frfs.frequencies[line]:g} Hz",
+            got=f"{frfs.variance[line, output, input_]:.3g}",
+            expected="0 or more",
+        )
+
+
 def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
     """Check and orient FRFs for a fit.
 

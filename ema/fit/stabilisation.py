@@ -10,7 +10,7 @@ from ema.errors import InputError
 from ema.fit import lscf
 from ema.fit.canonical import canonical, one_thread, table_in_order
 from ema.fit.compression import compressed
-from ema.fit.prepare import Prepared, prepare
+from ema.fit.prepare import Prepared, check_statements, prepare
 from ema.progress import Progress, advance, silent
 
 TOLERANCES = (0.01, 0.05, 0.02)
@@ -61,6 +61,7 @@ def stabilise(
     >>> sorted(set(poles.order.tolist()))
     [4, 6, 8]
     """
+    check_statements(frfs)
     if frfs.in_file:
         frfs = compressed(frfs.lines(frfs.frequencies > 0), progress).frfs
     form, _ = canonical(frfs)
@@ -113,11 +114,15 @@ def _degrees(orders: Iterable[int] | None, data: Prepared) -> list[int]:
         # Few references need high orders for as many modes; thirty orders make a diagram.
         top = min(max(30, 100 // references), limit)
         return list(range(top, 0, -max(1, top // 30)))[::-1]
-    degrees = sorted({(int(order) + 1) // 2 for order in orders})
-    if not degrees or degrees[0] < 1:
+    try:
+        orders = list(orders)
+        degrees = sorted({(int(order) + 1) // 2 for order in orders})
+    except (TypeError, ValueError) as error:
         raise InputError(
-            "no usable model order", got=list(orders)[:5], expected="orders of 2 and more, e.g. range(2, 61, 2)"
-        )
+            "model orders are a sequence of whole numbers", got=repr(orders), expected="e.g. range(2, 61, 2)"
+        ) from error
+    if not degrees or degrees[0] < 1:
+        raise InputError("no usable model order", got=orders[:5], expected="orders of 2 and more, e.g. range(2, 61, 2)")
     if degrees[-1] > limit:
         raise InputError(
             "a model order is too high for the number of frequency lines",
