@@ -140,7 +140,8 @@ def turns(model: ModalModel, roving_forces: bool = False) -> tuple[Turn, ...]:
     """What turns responses and forces of a model, whose DOFs are those of the forces where these rove.
 
     All rows that share a delay are turned by the force (the sensor). What most rows share has to be beyond the scatter
-    of the modes, for the complexity of the shape at the force turns all rows alike.
+    of the modes, for the complexity of the shape at the force turns all rows alike. A value within its half interval
+    is none.
     """
     residues, omega = model.residues(), model.poles.imag
     if len(omega) < 2 or not residues.size:
@@ -153,7 +154,7 @@ def turns(model: ModalModel, roving_forces: bool = False) -> tuple[Turn, ...]:
     best = _explained(residues, noise, omega)
     for column, dof in enumerate(model.inputs if len(model.dofs) > 1 else ()):
         shared = _together(residues[:, :, [column]], noise[:, :, [column]], omega)
-        if shared.cause[0] != 0:
+        if shared.cause[0] != 0 or abs(shared.value[0]) <= shared.half[0]:
             continue
         turned = residues.copy()
         turned[:, :, column] *= np.exp(1j * omega * shared.value[0])[:, None]
@@ -168,7 +169,7 @@ def turns(model: ModalModel, roving_forces: bool = False) -> tuple[Turn, ...]:
     if 2 < len(still) < 2 * still.sum() < 2 * len(still):
         best = _beside(residues, noise, omega, still)
     for number, cause in enumerate(_CAUSES):
-        own = np.flatnonzero(best.cause == number)
+        own = np.flatnonzero((best.cause == number) & (np.abs(best.value) > best.half))
         filtered = cause.kind == "high-pass"
         most = 2 * len(own) > len(model.dofs) > 1  # what all responses do may be the structure
         if most and (filtered or _together(residues[:, own], noise[:, own], omega).cause[0] != 0):
@@ -200,9 +201,23 @@ def _together(
     return _explained(mean, np.mean(noise / gain**2, axis=1, keepdims=True) / len(gain), omega)
 
 
+def _over_columns(
+    residues: Residues, noise: Float[np.ndarray, "mode row column"]
+) -> tuple[Complex[np.ndarray, "mode row"], Float[np.ndarray, "mode row"]]:
+    """Residues, and their noise, with the mean phase of all columns: a shape turns all of them by the same angle, so
+    that they are one observation of it, whatever their number. The weights are those of the usual scatter and noise.
+    """
+    if residues.shape[2] == 1:
+        return residues[..., 0], noise[..., 0]
+    power = np.abs(residues) ** 2
+    weight = 1 / np.maximum(USUAL**2 * power.mean(axis=0) + noise.mean(axis=0), 1e-300)
+    error = np.sum(weight**2 * power * noise, axis=2) / np.maximum(np.sum(weight * power, axis=2), 1e-300)
+    return np.sqrt(np.sum(weight * residues**2, axis=2)), error
+
+
 def _product(
-    power: Float[np.ndarray, "mode row column"],
-) -> tuple[Float[np.ndarray, "mode row column"], Float[np.ndarray, "row column"]]:
+    power: Float[np.ndarray, "mode *channel"],
+) -> tuple[Float[np.ndarray, "mode *channel"], Float[np.ndarray, "*channel"]]:
     """Power as a product of mode and channel, and the factor of the channel: sensitivities change no phase."""
     gain = np.ones(power.shape[1:])
     for _ in range(10):
@@ -215,28 +230,25 @@ def _explained(
     residues: Residues, noise: Float[np.ndarray, "mode row column"], omega: Float[np.ndarray, "mode"]
 ) -> _Explained:
     """Causes and values of all rows, with that scatter of the phases by complex modes for which they cost least."""
-    # Rows last: they are the many.
-    power, residues, noise = (
-        np.ascontiguousarray(values.transpose(0, 2, 1))
-        for values in (np.maximum(_product(np.abs(residues) ** 2)[0], 1e-300), residues, noise)
-    )
-    modes, columns, rows = residues.shape
-    omega = omega[:, None, None]
+    residues, noise = _over_columns(residues, noise)
+    power = np.maximum(_product(np.abs(residues) ** 2)[0], 1e-300)
+    modes, rows = residues.shape
+    omega = omega[:, None]
     evidence = EVIDENCE + 2 * np.log(rows)
 
-    def variance(scatter: float) -> Float[np.ndarray, "mode column row"]:
+    def variance(scatter: float) -> Float[np.ndarray, "mode row"]:
         return np.asarray(scatter**2 * power + noise)
 
     levels = [1 / (FREEDOM * variance(scatter)) for scatter in _STARTS]
 
     def turned(cause: _Cause, value: Float[np.ndarray, "*start row"]) -> tuple[np.ndarray, np.ndarray]:
         """Real and imaginary parts of the residues with the turn taken back."""
-        angle = cause.angle(omega, value[..., None, None, :])
+        angle = cause.angle(omega, value[..., None, :])
         cos, sin = np.cos(angle), np.sin(angle)
         return residues.real * cos + residues.imag * sin, residues.imag * cos - residues.real * sin
 
     def misfit(real: np.ndarray, level: np.ndarray) -> Float[np.ndarray, "*start row"]:
-        return np.asarray((FREEDOM + 1) * np.sum(np.log1p(real**2 * level), axis=(-3, -2)))
+        return np.asarray((FREEDOM + 1) * np.sum(np.log1p(real**2 * level), axis=-2))
 
     def in_parts(grid: Float[np.ndarray, "start 1"]) -> list[np.ndarray]:
         """Starts that are worked on at a time, one at least."""
@@ -253,10 +265,10 @@ def _explained(
         cause: _Cause, value: Float[np.ndarray, "start row"], level: np.ndarray
     ) -> Float[np.ndarray, "start row"]:
         """Values after a step of Gauss and Newton."""
-        (real, imaginary), slope = turned(cause, value), cause.slope(omega, value[..., None, None, :])
+        (real, imaginary), slope = turned(cause, value), cause.slope(omega, value[..., None, :])
         weight, along = level / (1 + level * real**2), slope * imaginary
-        change = np.sum(weight * real * along, axis=(-3, -2))
-        return np.asarray(value - change / np.maximum(np.sum(weight * along**2, axis=(-3, -2)), 1e-300))
+        change = np.sum(weight * real * along, axis=-2)
+        return np.asarray(value - change / np.maximum(np.sum(weight * along**2, axis=-2), 1e-300))
 
     def refined(
         cause: _Cause, value: Float[np.ndarray, "start row"], level: np.ndarray
@@ -294,14 +306,14 @@ def _explained(
                 cost = np.where(better, price, cost)
         tried.append((float(cost.sum() + common), cause, value, scatter))
     total, cause, value, scatter = min(tried, key=lambda one: one[0])
-    freedom = max(rows * columns * (modes - 1), 1)
+    freedom = max(rows * (modes - 1), 1)
     every = np.arange(rows)
-    slopes = np.array([one.slope(omega, value)[:, 0] for one in _CAUSES])[cause, :, every].T
+    slopes = np.array([one.slope(omega, value) for one in _CAUSES])[cause, :, every].T
     # Fisher's information of Student's distribution; a row that scatters more than the others is less certain
-    known = np.sum(slopes[:, None] ** 2 * np.abs(residues) ** 2 / variance(scatter), axis=(0, 1))
+    known = np.sum(slopes**2 * np.abs(residues) ** 2 / variance(scatter), axis=0)
     known *= (FREEDOM + 1) / (FREEDOM + 3)
-    left = np.array([turned(one, value)[0] ** 2 for one in _CAUSES])[cause, :, :, every]
-    own = np.sum(left / variance(scatter).transpose(2, 0, 1), axis=(1, 2)) / max(modes * columns - 1, 1)
+    left = np.array([turned(one, value)[0] ** 2 for one in _CAUSES])[cause, :, every].T
+    own = np.sum(left / variance(scatter), axis=0) / max(modes - 1, 1)
     own = np.maximum(own, 1.0)
     half = scipy.stats.t.isf(0.025, freedom) * np.sqrt(own / np.maximum(known, 1e-300))
     for number, one in enumerate(_CAUSES):

@@ -289,6 +289,37 @@ def test_delays_are_looked_for_in_sets_of_any_size(monkeypatch: pytest.MonkeyPat
     assert channel_phase.turns(late) == wanted
 
 
+def in_phase_but_for(scatter: float, modes: int, references: int, *, seed: int, delay: float = 0.0) -> ModalModel:
+    """Shapes phi (1 + j ``scatter`` N) at six responses and some references; the third response is late."""
+    rng = np.random.default_rng([31, seed])
+    poles = poles_from(np.sort(rng.uniform(40.0, 420.0, modes)), np.full(modes, 0.006))
+    shapes = rng.standard_normal((9, modes)) * (1 + 1j * scatter * rng.standard_normal((9, modes)))
+    shapes[2] *= np.exp(-1j * poles.imag * delay)
+    dofs = tuple(Dof(node, "+Z") for node in range(1, 10))
+    participation = shapes[6 : 6 + references] / (2j * poles.imag)
+    return ModalModel(poles, shapes[:6], dofs[:6], participation, dofs[6 : 6 + references])
+
+
+@pytest.mark.parametrize("references", [1, 2, 3])
+@pytest.mark.parametrize("scatter", [0.02, 0.05])
+def test_complex_modes_are_not_called_late_whatever_the_number_of_references(scatter: float, references: int) -> None:
+    """The phase of a mode at a response is the same from all references: these observe it once. Chance names one in a
+    hundred structures (`EVIDENCE`).
+    """
+    drawn = [channel_phase.turns(in_phase_but_for(scatter, 7, references, seed=seed)) for seed in range(15)]
+    assert sum(map(bool, drawn)) <= 1
+    for seed in range(5):
+        (turn,) = channel_phase.turns(in_phase_but_for(0.02, 7, references, seed=seed, delay=4e-4))
+        assert turn.row == 2 and not turn.of_inputs and abs(turn.value - 4e-4) < 2 * turn.half
+
+
+def test_no_cause_is_named_whose_interval_reaches_to_none() -> None:
+    """Of four modes one delay is the most likely, and others far from it explain the phases as well."""
+    found = [channel_phase.turns(in_phase_but_for(0.05, 4, 1, seed=seed, delay=4e-4)) for seed in range(30)]
+    assert sum(map(len, found)) > 10
+    assert all(abs(turn.value) > turn.half for turns in found for turn in turns)
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3, 7])
 def test_a_pole_that_takes_a_part_of_a_peak_is_in_the_interval(seed: int) -> None:
     """A mode that softens by a tenth of its bandwidth under a shaker whose force drops by 20 dB: the fit describes the
