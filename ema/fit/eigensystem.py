@@ -25,7 +25,7 @@ from ema.errors import InputError
 from ema.fit import hankel
 from ema.fit.hankel import Realisation, Responses
 from ema.fit.prepare import Prepared, prepare
-from ema.fit.scaling import scale_to_unit_modal_mass
+from ema.fit.scaling import disagreements, scale_to_unit_modal_mass
 from ema.progress import Progress, advance, silent
 
 HEAVIEST = 0.25
@@ -408,4 +408,5 @@ def _model(frfs: FrfSet, data: Prepared, axis: _Axis, state: _State, findings: t
         findings=findings,
         name=frfs.name,
     )
-    return scale_to_unit_modal_mass(model) if frfs.scaled else model
+    model = scale_to_unit_modal_mass(model) if frfs.scaled else model
+    return replace(model, findings=(*model.findings, *disagreements(model)))

@@ -34,7 +34,7 @@ from ema.fit.policy import POLICY
 from ema.fit.prepare import Prepared, check_statements, prepare
 from ema.fit.record_end import as_recorded, of_whole_vibration
 from ema.fit.refinement import Refined, Start, known_variance, refined, with_weak, without_needless
-from ema.fit.scaling import scale_to_unit_modal_mass
+from ema.fit.scaling import disagreements, scale_to_unit_modal_mass
 from ema.fit.search import OPERATIONS
 from ema.fit.selection import Dropped, Selection, extended, of_poles, reduced, select
 from ema.fit.stabilisation import stabilise
@@ -716,7 +716,8 @@ def _model(
         name=band.name,
     )
     model = scale_to_unit_modal_mass(model) if band.scaled else model
-    return uncertainty.attach(model, optimum, errors, order)
+    model = uncertainty.attach(model, optimum, errors, order)
+    return replace(model, findings=(*model.findings, *disagreements(model)))
 
 
 def _groups(group: Int[np.ndarray, "mode"]) -> tuple[tuple[int, ...], ...]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import scipy.stats
 
 from ema.data import Finding, ModalModel
 from ema.dof import match
@@ -10,13 +11,15 @@ from ema.dof import match
 _DISAGREEMENT = 0.1
 """Largest relative difference of the modal masses by several drive points, weighted by their part in the shape, above
 which a finding names them. No value depends on it."""
+_CHANCE = 0.01
+"""Probability that noise alone, with the stated uncertainty, makes such a finding for any drive point of any mode."""
 
 
 def scale_to_unit_modal_mass(model: ModalModel) -> ModalModel:
     """Scale shapes so that ``R = phi phi^T / (2j w_d)``, from every DOF that is also a reference.
 
-    Several drive points are weighted by their motion; where they disagree by more than 10 % a finding says so. Without
-    a drive point the model stays unscaled and a finding says why.
+    Several drive points are weighted by their motion (`disagreements` says whether they agree). Without a drive point
+    the model stays unscaled and a finding says why.
     """
     drive = match(model.inputs, model.dofs)
     if not drive or not len(model.poles):
@@ -42,28 +45,47 @@ def scale_to_unit_modal_mass(model: ModalModel) -> ModalModel:
     # Of the two roots, the one that keeps the largest component of the shape positive.
     largest = model.shapes[np.argmax(np.abs(model.shapes), axis=0), np.arange(len(omega))] * factor
     factor = np.where(largest.real < 0, -factor, factor)
-    findings = list(model.findings)
-    for mode in range(len(omega)):
-        if len(drive) > 1 and usable[mode]:
-            own = np.abs(target[:, mode]) / np.where(shape[:, mode] == 0, np.inf, np.abs(shape[:, mode]))
-            spread = float(np.max(np.abs(own / abs(square[mode]) - 1) * np.abs(shape[:, mode]) / np.sqrt(energy[mode])))
-            if spread > _DISAGREEMENT:
-                findings.append(
-                    Finding.of(
-                        "warning",
-                        "drive-points-disagree",
-                        f"{model.name or 'fit'}, mode {mode + 1}",
-                        "The drive points disagree on the modal mass by up to {spread} %.",
-                        spread,
-                        _DISAGREEMENT,
-                        advice="Check the sensitivities and directions at the drive points.",
-                        spread=f"{100 * spread:.0f}",
-                    )
-                )
     return replace(
         model,
         shapes=model.shapes * factor,
         participation=model.participation / factor,
         scaling="unit modal mass",
-        findings=tuple(findings),
     )
+
+
+def disagreements(model: ModalModel) -> tuple[Finding, ...]:
+    """A finding for each mode of a scaled model whose drive points give modal masses that differ by more than 10 %, and
+    by more than the uncertainty of shape and participation explains.
+    """
+    drive = match(model.inputs, model.dofs) if model.scaling == "unit modal mass" else []
+    if len(drive) < 2 or not len(model.poles):
+        return ()
+    references, rows, _ = (np.array(column) for column in zip(*drive, strict=True))
+    shape, twice = np.abs(model.shapes[rows]), 2 * model.poles.imag
+    size = np.maximum(np.linalg.norm(shape, axis=0), np.finfo(float).tiny)
+    spread = np.abs(twice * np.abs(model.participation[references]) - shape) / size
+    limit = np.full(spread.shape, _DISAGREEMENT)
+    if model.uncertainty is not None:
+        # A magnitude varies as much as the complex value at most.
+        of_shapes, of_participation = (
+            np.trace(variances, axis1=-2, axis2=-1).T
+            for variances in (model.uncertainty.shapes[:, rows], model.uncertainty.participation[:, references])
+        )
+        quantile = scipy.stats.norm.isf(_CHANCE / 2 / spread.size)
+        limit = np.maximum(limit, quantile * np.sqrt(of_shapes + twice**2 * of_participation) / size)
+    found = []
+    for mode in np.flatnonzero(np.any(spread > limit, axis=0)):
+        worst = np.argmax(spread[:, mode] / limit[:, mode])
+        found.append(
+            Finding.of(
+                "warning",
+                "drive-points-disagree",
+                f"{model.name or 'fit'}, mode {mode + 1}",
+                "The drive points disagree on the modal mass by up to {spread} %.",
+                float(spread[worst, mode]),
+                float(limit[worst, mode]),
+                advice="Check the sensitivities and directions at the drive points.",
+                spread=f"{100 * spread[worst, mode]:.0f}",
+            )
+        )
+    return tuple(found)

@@ -72,6 +72,23 @@ def test_drive_points_that_disagree_are_told():
     assert not [finding for finding in right.findings if finding.code == "drive-points-disagree"]
 
 
+def test_drive_points_that_noise_alone_parts_are_not_accused():
+    """Reciprocal FRFs with noise of 20 %, which parts weak modes by more than 10 %; a wrong sensitivity is more."""
+    truth = model([30.0, 55.0, 90.0, 125.0, 180.0], [0.01, 0.01, 0.005, 0.01, 0.008], dofs=6, drive=(1, 4))
+    size = np.array([1.0, 0.4, 1.0, 0.3, 1.0])
+    truth = replace(truth, shapes=truth.shapes * size, participation=truth.participation * size)
+    parted = 0
+    for seed in range(4):
+        measured = frfs(truth, 20, 260, 481, noise=0.2, seed=seed)
+        found = fitted(measured)
+        masses = np.abs(found.participation * 2 * found.poles.imag), np.abs(found.shapes[[1, 4]])
+        parted += np.any(np.abs(masses[0] - masses[1]) > 0.1 * np.linalg.norm(masses[1], axis=0))
+        assert "drive-points-disagree" not in [finding.code for finding in found.findings]
+        wrong = fitted(replace(measured, values=measured.values * np.array([1.0, 2.0])))
+        assert "drive-points-disagree" in [finding.code for finding in wrong.findings]
+    assert parted >= 2
+
+
 def test_an_unstated_unit_is_not_scaled():
     measured = replace(frfs(two(), 100, 180, 401), unit="unstated", quantity="unstated")
     found = fitted(measured)
