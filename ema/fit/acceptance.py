@@ -37,7 +37,8 @@ class Verdict:
     ``group`` (pole,) numbers poles that belong together because the data do not tell them apart; ``energy`` (2, pole)
     is that of each over that of the FRFs around it, and over that of all FRFs. ``unresolved`` (pole,) are resonances
     narrower than the lines resolve: their damping is bounded from above and not determined; ``tones`` (pole,) are
-    no resonances but tones at multiples of the mains frequency.
+    no resonances but tones at multiples of the mains frequency; ``heavy`` (pole,) are heavier than modes may be, and
+    yet visible and well determined.
     """
 
     possible: Bool[np.ndarray, "pole"]
@@ -48,6 +49,12 @@ class Verdict:
     energy: Float[np.ndarray, "2 pole"]
     unresolved: Bool[np.ndarray, "pole"]
     tones: Bool[np.ndarray, "pole"]
+    heavy: Bool[np.ndarray, "pole"]
+
+    @property
+    def listed(self) -> Bool[np.ndarray, "pole"]:
+        """Poles that are modes or candidates, and can be named."""
+        return np.asarray(self.possible | self.heavy)
 
 
 def judge(
@@ -127,7 +134,13 @@ def judge(
         elif confidence[pole] < policy.confidence:
             reason = f"the probability that it is a mode with this frequency and shape is {confidence[pole]:.0%}"
         reasons[pole], accepted[pole] = reason, not reason
-    return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy, unresolved, tones)
+    # Poles that stand for the background or for a misfit are heavy too: these are no candidates.
+    heavy = ~possible & (damping > policy.heaviest) & visible & (energy[1] >= policy.large) & (explained >= 1)
+    heavy &= (std_z <= policy.damping_uncertainty * damping) & (not optimum.misfit)
+    heavy &= (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
+    for pole in np.flatnonzero(heavy):
+        reasons[pole] = f"its damping ratio is above {policy.heaviest:.0%}, the limit for modes"
+    return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy, unresolved, tones, heavy)
 
 
 def with_shapes(verdict: Verdict, scatter: Float[np.ndarray, "pole"], policy: SelectionPolicy) -> Verdict:

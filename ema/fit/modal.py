@@ -635,7 +635,7 @@ def _named(
     frfs: FrfSet,
 ) -> list[int]:
     """Poles of the fit that the user named, by frequency or by rows of the pole table."""
-    frequencies, possible = natural_frequencies(fit.poles), verdict.possible
+    frequencies, listed = natural_frequencies(fit.poles), verdict.listed
     chosen: list[int] = []
     outside = [row for row in index or () if not 0 <= row < len(table.poles)]
     if outside:
@@ -646,19 +646,19 @@ def _named(
             expected=f"0 to {len(table.poles) - 1}",
         )
     for row in index or ():
-        distance = np.where(possible, np.abs(fit.poles + frfs.added_decay - table.poles[row]), np.inf)
+        distance = np.where(listed, np.abs(fit.poles + frfs.added_decay - table.poles[row]), np.inf)
         reach = np.abs(fit.poles.real) + abs(table.poles[row].real)
         if not np.any(distance <= reach):
-            raise _nothing_near(table.natural_frequencies[row], frequencies[possible], frfs.name, f"row {row}, ")
+            raise _nothing_near(table.natural_frequencies[row], frequencies[listed], frfs.name, f"row {row}, ")
         chosen.append(int(np.argmin(distance / reach)))
     for wanted in near or ():
-        distance = np.where(possible, np.abs(frequencies - wanted), np.inf)
+        distance = np.where(listed, np.abs(frequencies - wanted), np.inf)
         if not np.any(distance <= POLICY.near * wanted):
-            raise _nothing_near(wanted, frequencies[possible], frfs.name)
+            raise _nothing_near(wanted, frequencies[listed], frfs.name)
         close = np.flatnonzero(distance <= POLICY.near * wanted)
         best = int(min(close, key=lambda pole: (not verdict.accepted[pole], distance[pole])))
         # A frequency that is named again asks for the next pole of its group.
-        partners = [best, *np.flatnonzero((verdict.group == verdict.group[best]) & possible).tolist()]
+        partners = [best, *np.flatnonzero((verdict.group == verdict.group[best]) & listed).tolist()]
         chosen += [pole for pole in partners if pole not in chosen][:1]
     return list(dict.fromkeys(chosen))
 
@@ -709,7 +709,7 @@ def _model(
         candidates=tuple(
             _candidate(fit, errors, verdict, pole, band.added_decay)
             for pole in outside[np.argsort(np.abs(poles[outside]), kind="stable")].tolist()
-            if verdict.possible[pole] and not verdict.accepted[pole]
+            if verdict.listed[pole] and not verdict.accepted[pole]
         ),
         condition=band.condition,
         provenance=replace(band.provenance, options=(*band.provenance.options, *POLICY.options())),
@@ -848,7 +848,7 @@ def _candidates(
 ) -> list[Finding]:
     """A finding for each pole of the fit that was not accepted, an error where it dominates the FRFs."""
     fit, found = optimum.fit, []
-    poles = np.flatnonzero(verdict.possible & ~verdict.accepted)
+    poles = np.flatnonzero(verdict.listed & ~verdict.accepted)
     around, overall = verdict.energy
     for pole in poles:
         value = fit.poles[[pole]] + added_decay

@@ -12,7 +12,7 @@ class SelectionPolicy:
     Parameters
     ----------
     heaviest : damping ratio above which a pole describes the background and not a mode. Structures with joints reach
-        10 %; poles that stand for residual terms begin at 30 %.
+        10 %; poles that stand for residual terms begin at 30 %. One that is visible and well determined is a candidate.
     false_alarm : probability that noise alone passes for a mode somewhere in the band. It sets the energy that a mode
         has to explain (chi-square over all its unknowns, divided by the lines).
     persistence : share of the model orders that have to show a pole for it to be tried from the start. The search of

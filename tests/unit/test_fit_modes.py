@@ -213,6 +213,22 @@ def test_a_mode_with_ten_percent_damping():
     assert found.damping_ratios[1] == pytest.approx(0.10, rel=0.05)
 
 
+@pytest.mark.parametrize("zeta", [0.201, 0.25])
+def test_a_resonance_heavier_than_modes_is_a_candidate_that_can_be_named(zeta):
+    truth = model([30.0, 60.0, 180.0], [0.02, zeta, 0.02])
+    size = np.array([1.0, 4.0, 1.0])
+    truth = replace(truth, shapes=truth.shapes * size, participation=truth.participation * size)
+    measured = frfs(truth, 5, 300, 591, noise=0.01)
+    table = stabilise(measured, range(4, 25, 4))
+    found = modes(measured, table)
+    np.testing.assert_allclose(found.natural_frequencies, [30, 180], rtol=0.01)
+    (candidate,) = found.candidates
+    assert abs(candidate.damping_ratio - zeta) < 4 * candidate.damping_std < 0.05 * zeta
+    assert "above 20%" in candidate.reason and "dominant-candidate" in codes(found)
+    near = modes(measured, table, near=[60.0])
+    assert near.damping_ratios == pytest.approx([zeta], rel=0.05) and "candidate" in codes(near)
+
+
 def test_a_mode_cut_by_the_band_is_told():
     truth = model([120.0, 150.0, 199.8], [0.004, 0.006, 0.005], drive=(0, 7))
     found = fitted(frfs(truth, 100, 200, 801, noise=0.001))
