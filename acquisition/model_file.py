@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from acquisition.quantities import (
+    Axis,
     Band,
+    Damping,
     Density,
     Ends,
     Force,
@@ -24,6 +26,7 @@ from acquisition.quantities import (
     Seconds,
     Stiffness,
     Tolerance,
+    Velocity,
     as_list,
     in_si,
 )
@@ -148,10 +151,10 @@ class LawTable(Table):
     springs: int | None = Field(default=None, ge=2)
     stiffness_shares: list[Annotated[float, Field(gt=0)]] | None = None
     force_shares: list[Annotated[float, Field(ge=0)]] | None = None
-    bristle_damping: float | None = Field(default=None, ge=0)
-    viscous: float | None = Field(default=None, ge=0)
+    bristle_damping: Damping | None = None
+    viscous: Damping | None = None
     static_ratio: float | None = Field(default=None, ge=1)
-    stribeck_velocity: float | None = Field(default=None, gt=0)
+    stribeck_velocity: Velocity | None = None
     parameters: list[float] | None = Field(default=None, max_length=4)
 
     @model_validator(mode="after")
@@ -218,7 +221,7 @@ class JointTable(Table):
     half_heights: Annotated[list[HalfHeight], Field(min_length=2, max_length=2)] | None = None
     normal_force: NormalForce
     normal_stiffness: Stiffness | None = None
-    directions: Annotated[list[Literal["X", "Y"]], Field(min_length=1, max_length=2)] = ["X"]
+    directions: Annotated[list[Axis], Field(min_length=1, max_length=2)] = ["X"]
     force_shares: list[Annotated[float, Field(ge=0)]] | None = None
     area_shares: list[Annotated[float, Field(ge=0)]] | None = None
     area: Annotated[float, in_si("area"), Field(gt=0)] | None = None

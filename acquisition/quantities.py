@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from math import isfinite
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
@@ -12,7 +13,9 @@ from ema.dof import Dof
 from ema.errors import EmaError
 
 __all__ = [
+    "Axis",
     "Band",
+    "Damping",
     "Density",
     "Ends",
     "Force",
@@ -31,6 +34,7 @@ __all__ = [
     "Seconds",
     "Stiffness",
     "Tolerance",
+    "Velocity",
     "measure",
 ]
 
@@ -41,7 +45,7 @@ def in_si(quantity: str, plain: bool = False) -> BeforeValidator:
     def convert(value: Any) -> Any:
         if isinstance(value, str):
             return explained(lambda: units.measure(value, quantity)[0])
-        if plain or isinstance(value, bool) or not isinstance(value, int | float):
+        if plain or isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             return value
         raise ValueError(f'a number without a unit; write it as a text such as "{value} {units.example(quantity)}"')
 
@@ -78,6 +82,13 @@ def _as_dof(value: Any) -> Any:
     return explained(lambda: Dof.parse(value)) if isinstance(value, str) else value
 
 
+def _as_axis(value: Any) -> Any:
+    return value.upper() if isinstance(value, str) else value
+
+
+Axis = Annotated[Literal["X", "Y"], BeforeValidator(_as_axis)]
+Damping = Annotated[float, in_si("damping", plain=True), Field(ge=0)]
+Velocity = Annotated[float, in_si("velocity", plain=True), Field(gt=0)]
 Length = Annotated[float, in_si("displacement"), Field(gt=0)]
 HalfHeight = Annotated[float, in_si("displacement"), Field(ge=0)]
 Modulus = Annotated[float, in_si("pressure"), Field(gt=0)]

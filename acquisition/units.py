@@ -59,6 +59,7 @@ _OF_STRUCTURES: dict[tuple[tuple[str, int], ...], str] = {
     (("[mass]", 1), ("[time]", -2)): "stiffness",
     (("[mass]", 1),): "mass",
     (("[length]", 2),): "area",
+    (("[mass]", 1), ("[time]", -1)): "damping",
 }
 """What describes a structure, and no sensor measures."""
 _ANGULAR = {"frequency": "angular velocity", "ratio": "rotation"}
@@ -66,7 +67,15 @@ _TURNS = re.compile(r"(?<!ste)radian$|degree$|turn$|revolution$|grade$|revolutio
 """How the names of units of angles end: they may have a prefix, as in krad/s."""
 _LONGEST = 86400.0
 """The longest unit of time that is taken, in s: what makes it longer was meant otherwise (``Gs`` for g, ``a``)."""
-_EXAMPLES = {"frequency": "Hz", "density": "kg/m^3", "stiffness": "N/m", "mass": "kg", "area": "m^2", "ratio": "%"}
+_EXAMPLES = {
+    "frequency": "Hz",
+    "density": "kg/m^3",
+    "stiffness": "N/m",
+    "damping": "N s/m",
+    "mass": "kg",
+    "area": "m^2",
+    "ratio": "%",
+}
 _USUAL = (
     "N",
     "kN",
@@ -316,8 +325,13 @@ def _resolve(text: str) -> tuple[Any, float, float]:
 _NUMBER = re.compile(r"^\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
 
-def split(text: str) -> tuple[float, str]:
-    """Number and unit of a text such as ``"1.02 kN"``.
+def _value(quantity: str) -> str:
+    """A value of that quantity as an example."""
+    return f'a value such as "1.02 {"kN" if quantity in ("", "force") else example(quantity)}"'
+
+
+def split(text: str, quantity: str = "") -> tuple[float, str]:
+    """Number and unit of a text such as ``"1.02 kN"``; ``quantity``: that of the example in a message.
 
     Raises
     ------
@@ -325,19 +339,17 @@ def split(text: str) -> tuple[float, str]:
     """
     number = _NUMBER.match(text)
     if number is None:
-        raise UnitError("no number before the unit", got=repr(text), expected='a value such as "1.02 kN"')
+        raise UnitError("no number before the unit", got=repr(text), expected=_value(quantity))
     if not number[2]:
-        raise UnitError(
-            "a number without a unit", got=repr(text), expected=f'a value such as "1.02 kN", or "{UNSTATED}"'
-        )
-    _refuse_endless(float(number[1]), text)
+        raise UnitError("a number without a unit", got=repr(text), expected=f'{_value(quantity)}, or "{UNSTATED}"')
+    _refuse_endless(float(number[1]), text, quantity)
     return float(number[1]), number[2]
 
 
-def _refuse_endless(value: float, text: str) -> None:
+def _refuse_endless(value: float, text: str, quantity: str = "") -> None:
     """A number with an exponent beyond 308 is infinite to the machine."""
     if not isfinite(value):
-        raise UnitError("not a finite number", got=repr(text), expected='a value such as "1.02 kN"')
+        raise UnitError("not a finite number", got=repr(text), expected=_value(quantity))
 
 
 def measure(text: str, quantity: str = "") -> tuple[float, str]:
@@ -359,7 +371,7 @@ def measure(text: str, quantity: str = "") -> tuple[float, str]:
     >>> measure("21 degC")
     (294.15, 'temperature')
     """
-    value, unit_text = split(text)
+    value, unit_text = split(text, quantity)
     unit = parse(unit_text, quantity in _OF_STRUCTURES.values())
     if quantity and unit.quantity != quantity:
         raise UnitError(
@@ -367,7 +379,7 @@ def measure(text: str, quantity: str = "") -> tuple[float, str]:
             got=repr(text),
             expected=f"a unit such as {example(quantity)}",
         )
-    _refuse_endless(float(unit.to_si(value)), text)
+    _refuse_endless(float(unit.to_si(value)), text, quantity)
     return float(unit.to_si(value)), unit.quantity
 
 

@@ -3,9 +3,10 @@
 import difflib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError
+from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, field_validator
+from pydantic_core import PydanticCustomError
 
 from ema.data.findings import Finding
 from ema.errors import EmaError, InputError
@@ -31,6 +32,18 @@ class Table(BaseModel):
         arbitrary_types_allowed=True,
         allow_inf_nan=False,  # TOML has inf and nan, no measurement and no model does
     )
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_bool_as_number(cls, value: Any, info: Any) -> Any:
+        """TOML has true and false, which are no numbers."""
+        kinds = _kinds(cls.model_fields[str(info.field_name)].annotation)
+        if kinds & {int, float} and not kinds & {bool, Any, object} and (wrong := _bools(value)):
+            kind = "number" if float in kinds else "integer"
+            words = "Input should be a valid {kind}; got {wrong}"
+            raise PydanticCustomError("bool_as_number", words, {"kind": kind, "wrong": wrong})
+        return value
+
     _former_names: tuple[Finding, ...] = PrivateAttr(default=())
 
     @property
@@ -58,6 +71,21 @@ class Table(BaseModel):
         """
         self._former_names = findings
         return self
+
+
+def _kinds(annotation: Any) -> set[Any]:
+    """The types in an annotation."""
+    if get_origin(annotation) is Literal:
+        return {type(value) for value in get_args(annotation)}
+    parts = get_args(annotation)[:1] if get_origin(annotation) is Annotated else get_args(annotation)
+    return set().union(*map(_kinds, parts)) if parts else {annotation}
+
+
+def _bools(value: Any) -> str:
+    """``true`` or ``false`` where a value is that or a list has it, else nothing."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return next(filter(None, map(_bools, value)), "") if isinstance(value, list) else ""
 
 
 T = TypeVar("T", bound=Table)
@@ -200,9 +228,14 @@ def _troubles(
                 yield line, f"{table} lacks {key!r}", None, ""
             case "value_error":
                 yield line, f"{_name_of(steps)}: {_reason(detail)}", None, ""
-            case _:
+            case kind:
                 got = repr(detail["input"])
-                yield line, f"{_name_of(steps)}: {detail['msg'].lower()}", got if len(got) < 80 else None, ""
+                said = detail["msg"][:1].lower() + detail["msg"][1:]
+                if kind == "model_type" and (model := tables.get(".".join(names))):
+                    said = "a table with the keys " + ", ".join(model.model_fields)
+                    said += " is meant, { key = value, ... }"
+                shown = len(got) < 80 and kind != "bool_as_number"
+                yield line, f"{_name_of(steps)}: {said}", got if shown else None, ""
 
 
 def _reason(detail: Any) -> str:

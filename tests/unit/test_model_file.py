@@ -272,6 +272,51 @@ def test_normal_contact(tmp_path):
             opened(tmp_path, HOST + REST.replace("[law]", text + "[law]"))
 
 
+STIFF = 'normal_stiffness = "1e8 N/m"'
+POINTS = '\n[joints.normal_contact]\nname = "curve"\npoints = [[0, 0], [1, 1]]'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "friction_coefficient = 0.2",
+            "friction_coefficient = true",
+            "friction_coefficient: .*valid number; got true$",
+        ),
+        ("[law]", "[law]\nstiffness_exponent = false", "stiffness_exponent: .*valid number; got false$"),
+        ("elements = 10", "elements = true", "elements: .*valid integer; got true$"),
+        (STIFF, STIFF + "\nforce_shares = [0.5, true]", "force_shares: .*valid number; got true$"),
+        ("[law]", "[damping]\nratio = true\n[law]", "ratio: .*valid number; got true$"),
+        ('normal_force = "1 kN"', "normal_force = nan", "normal_force: input should be a finite number; got nan$"),
+        ('length = "0.5 m"', 'length = "inf m"', "got 'inf m', expected a value such as \"1.02 m\"$"),
+        ('length = "0.5 m"', 'length = "0.5"', "got '0.5', expected a value such as \"1.02 m\", or"),
+        (STIFF, STIFF + '\ndirections = ["Z"]', "directions number 1: input should be 'X' or 'Y'; got 'Z'$"),
+        (STIFF, STIFF + POINTS, r"points number 1: a table with the keys penetration, force is meant.*; got \[0, 0\]"),
+        ("[law]", '[law]\nstribeck_velocity = "1 mm"', "not a velocity; got '1 mm', expected a unit such as m/s"),
+        ("[law]", '[law]\nviscous = "1 N/m"', "not a damping; got '1 N/m', expected a unit such as N s/m"),
+    ],
+)
+def test_values_of_another_kind_say_what_is_meant(tmp_path, old, new, words):
+    text = HOST + REST
+    assert old in text
+    with pytest.raises(InputError, match=words):
+        opened(tmp_path, text.replace(old, new, 1))
+
+
+def test_numbers_of_a_law_with_their_units(tmp_path):
+    law = 'name = "lugre"\nstribeck_velocity = "1 mm/s"\nviscous = "2 N s/mm"\nbristle_damping = 3'
+    (joint,) = opened(tmp_path, HOST + REST.replace('name = "masing"', law)).joints
+    assert dict(joint.law.parameters) == pytest.approx(
+        {"bristle damping": 3.0, "viscous": 2000.0, "static ratio": 1.0, "stribeck velocity": 1e-3}
+    )
+
+
+def test_directions_in_small_letters(tmp_path):
+    (joint,) = opened(tmp_path, HOST + REST.replace(STIFF, STIFF + '\ndirections = ["x", "Y"]')).joints
+    assert joint.directions == ("X", "Y")
+
+
 def test_missing_files_are_told(tmp_path):
     with pytest.raises(InputError, match="there is no model here"):
         acquisition.open_model(tmp_path)

@@ -264,6 +264,7 @@ def test_a_take_begins_before_the_rise_wherever_the_blocks_end():
         ('dof = "{point}:-Z"', 'dof = "3:-Z"', "2 points, and no channel that is at them"),
         ('unit = "m/s^2"', 'unit = "m/s^2"\nsource = "hammer"', "two channels of one source, 'hammer'"),
         ("sampling_rate = 4096", "sampling_rate = inf", "finite number"),
+        ("sampling_rate = 4096", "sampling_rate = true", "sampling_rate: input should be a valid number; got true"),
         ('trigger = "hammer > 20 N"', 'trigger = "hammer > -20 N"', "is not above 0"),
         ('trigger = "hammer > 20 N"', 'trigger = "hammer > 20 N"\npre_trigger = "-1 ms"', "pre_trigger: below 0"),
         ('trigger = "hammer > 20 N"', 'trigger = "hammer > 20 N"\nduration = "0 s"', "duration: not above 0"),
