@@ -1,7 +1,7 @@
 """What the arrays of a file that does not describe itself are: time axes, signals, FRFs, positions, stepped levels."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +17,8 @@ The readers refuse an axis beyond it."""
 SHORTEST = 64
 """Samples from which a column of numbers may be a signal; half as many are tables of settings and results."""
 
+_UNIT = re.compile(r"(?P<owner>.*?)(?P<joint>[ ._/]*)(units?|einheit(en)?)", re.IGNORECASE)
+"""Name of a text that states a unit: that of the signal or of the group of signals before it."""
 _RATE = re.compile(r"(sampl\w*[ _]?(rate|freq\w*)|^fs$|(^|[./_])fs$|sample_?rate)", re.IGNORECASE)
 _STEP = re.compile(r"(^|[./_])(dt|delta_?t)$", re.IGNORECASE)
 _TIME = re.compile(r"(^|[./_ ])(t|time|zeit)([./_ \[(]|$)", re.IGNORECASE)
@@ -191,8 +193,11 @@ def _vectors(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> 
         if not signals:
             continue
         reader: dict[str, Any] = {"signals": signals, "time": time}
-        if unit := _stated_unit(metadata):
-            reader["units"] = dict.fromkeys(signals, unit)
+        units = _stated_units(signals, time, numbers, metadata)
+        if (time_unit := units.pop(time, "s")) != "s":
+            reader["time_unit"] = time_unit
+        if units:
+            reader["units"] = units
         return Described("records", reader, evidence=f"{time} is the time axis")
     return Described()
 
@@ -207,17 +212,33 @@ def _is_signal(values: np.ndarray, samples: int) -> bool:
     return values.shape == (samples,) and not np.iscomplexobj(values) and _axis_step(values) is None
 
 
-def _stated_unit(metadata: Mapping[str, str]) -> str:
-    """The unit of all signals where a text such as ``s, m/s^2`` states one beside that of time."""
+def _stated_units(
+    signals: Sequence[str], time: str, numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str]
+) -> dict[str, str]:
+    """Units by array, that of the time axis among them: those stated beside an array or in its group.
+
+    A unit that belongs to no array, as in ``info.units``, is that of all signals. A text may state the unit of the
+    signals beside that of time: ``s, m/s^2``.
+    """
     from ema.proposal.units import quantity_of
 
-    for name, text in metadata.items():
-        if re.search(r"units?$", name, re.IGNORECASE):
-            parts = [part.strip() for part in text.split(",")]
-            others = [part for part in parts if quantity_of(part) not in ("time", "")]
-            if len(others) == 1:
-                return others[0]
-    return ""
+    own_units: dict[str, str] = {}
+    shared: dict[str, set[str]] = {}
+    stated = [(match, text) for name, text in metadata.items() if (match := _UNIT.fullmatch(name))]
+    for match, text in sorted(stated, key=lambda one: len(one[0]["owner"])):  # the nearest group comes last
+        owner = match["owner"]
+        own = [name for name in numbers if name == owner or (owner and name.startswith((f"{owner}.", f"{owner}/")))]
+        parts = {part.strip(): quantity_of(part.strip()) for part in text.split(",")}
+        for names, is_time in (([time], True), (signals, False)):
+            units = [part for part, quantity in parts.items() if quantity and (quantity == "time") == is_time]
+            if len(units) != 1:
+                continue
+            if any(name == owner or not _RATE.search(name) for name in own):
+                own_units |= dict.fromkeys((name for name in names if name in own), units[0])
+            elif not owner or match["joint"] in (".", "/"):
+                for name in names:
+                    shared.setdefault(name, set()).add(units[0])
+    return {name: next(iter(units)) for name, units in shared.items() if len(units) == 1} | own_units
 
 
 def _positions(numbers: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str, str]]:

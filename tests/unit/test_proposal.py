@@ -169,6 +169,55 @@ def test_arrays_that_do_not_describe_themselves_are_understood(tmp_path: Path) -
     assert layout_of(tmp_path / "shapes.mat")["kind"] == "shapes"
 
 
+@pytest.mark.parametrize(
+    ("arrays", "units"),
+    [
+        (  # each unit beside its signal, in a group with the axis and the rate
+            {
+                "M": {
+                    "t": "time",
+                    "Kraft": {"data": "force", "unit": "N"},
+                    "a": {"data": "acc", "unit": "g"},
+                    "fs": RATE,
+                }
+            },
+            {"M.Kraft.data": "N", "M.a.data": "g"},
+        ),
+        (
+            {"t": "time", "t_unit": "s", "Kraft": "force", "Kraft_unit": "kN", "a": "acc", "a_Einheit": "g"},
+            {"Kraft": "kN", "a": "g"},
+        ),
+        ({"t": "time", "a": {"data": "acc", "unit": "mm"}, "b": "other"}, {"a.data": "mm"}),
+        (
+            {"t": "time", "a": "acc", "b": "other", "info": {"units": "s, m/s^2", "fs": RATE}},
+            dict.fromkeys("ab", "m/s^2"),
+        ),
+        ({"t": "time", "a": "acc", "b": "other", "unit": "g"}, dict.fromkeys("ab", "g")),
+        # a unit of what is no signal, and units of nobody knows which, are those of no signal
+        ({"t": "time", "a": "acc", "T": {"value": 21.5, "unit": "degC"}, "fs": {"value": RATE, "unit": "Hz"}}, {}),
+        ({"t": "time", "a": "acc", "b": "other", "one": {"unit": "g"}, "two": {"unit": "N"}, "T_unit": "degC"}, {}),
+    ],
+)
+def test_each_signal_has_the_unit_that_is_stated_beside_it(tmp_path: Path, arrays: dict, units: dict) -> None:
+    """The first unit of a file had been given to all of its signals."""
+    signals = {"time": np.arange(4096) / RATE, "force": pulse(), "acc": ringing(), "other": ringing(90)}
+
+    def filled(value):
+        if isinstance(value, dict):
+            return {name: filled(one) for name, one in value.items()}
+        return signals.get(value, value) if isinstance(value, str) else value
+
+    savemat(tmp_path / "file.mat", filled(arrays))
+    assert layout_of(tmp_path / "file.mat")["reader"].get("units", {}) == units
+
+
+def test_the_unit_of_a_time_axis_is_taken_from_the_file(tmp_path: Path) -> None:
+    time = {"data": np.arange(4096) / RATE * 1e3, "unit": "ms"}
+    savemat(tmp_path / "file.mat", {"time": time, "a": {"data": ringing(), "unit": "g"}})
+    facts = facts_of(tmp_path / "file.mat", "file.mat")
+    assert facts.rate == pytest.approx(RATE) and facts.reader["units"] == {"a.data": "g"}
+
+
 def plate() -> Geometry:
     x, y = np.meshgrid(np.linspace(0, 0.9, 7), np.linspace(0.1, 0.5, 5))
     xyz = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
