@@ -148,7 +148,8 @@ def _show(proposal: "Proposal", target: Path, picture: Path | None) -> None:
     out.print(proposal.summary, soft_wrap=True)
     screen.show_findings(out, proposal.findings)
     if proposal.left_out:
-        out.print(f"{len(proposal.left_out)} files left out; the file says which, and why.")
+        count = len(proposal.left_out)
+        out.print(f"{count} file{'s' if count > 1 else ''} left out; the file says which, and why.")
     for question in proposal.questions:
         assumed = f"assumed {question.default}" if question.default else "needed before anything can be computed"
         out.print(f"not answered: {question.text} ({assumed}; --answer '{question.key}=...')", soft_wrap=True)

@@ -13,7 +13,13 @@ _NUMBER = re.compile(
 )
 """A whole number, with a direction or letters behind it; numbers with a decimal point are levels, not points."""
 
-POINT_WORDS = ("point", "pt", "p", "node", "n", "pos", "dof", "meas", "messpunkt", "mp", "hxy", "frf", "h")
+NODE_WORDS = (
+    *("point", "pt", "p", "node", "pos", "position"),
+    *("punkt", "messpunkt", "mp", "messstelle", "stelle", "knoten"),
+)
+"""Words, English and German, behind which a number is that of a point wherever they stand."""
+POINT_WORDS = (*NODE_WORDS, "n", "dof", "meas", "hxy", "frf", "h")
+"""Words behind which a number in the name of a file is that of a point."""
 TAKE_WORDS = ("take", "hit", "blow", "impact", "rep", "repeat", "avg", "record", "rec")
 CONDITION_WORDS = ("fe", "fn", "level", "force", "torque", "mode", "set", "setup", "case", "speed", "temp", "mass")
 """Words behind which a number says under which condition was measured: such files are runs of their own."""

@@ -55,6 +55,10 @@ def test_a_name_is_taken_apart(name, series, numbers, directions) -> None:
         ),
         (["FRF_12Z_5Z.uff", "FRF_13Z_5Z.uff"], None, ("point", "input")),
         (["Meas7.uff", "Meas8.uff"], "Meas{point}.uff", ("point",)),
+        *[
+            ([f"{word}{number}.mat" for number in ("01", "02", "10")], f"{word}{{point}}.mat", ("point",))
+            for word in ("Punkt", "Point ", "Pos_", "position", "Stelle-", "Messstelle ", "Knoten", "node", "Pt")
+        ],
         (["abc7.uff", "abc8.uff"], "abc{take}.uff", ("",)),
     ],
 )
