@@ -8,7 +8,8 @@ from typing import Any, cast
 from ema.dof import SCALAR, Dof
 from ema.errors import EmaError, InputError
 from ema.proposal.examination import FileFacts
-from ema.proposal.file_names import Series
+from ema.proposal.file_names import Series, plain_direction
+from ema.proposal.geometry_table import Points
 from ema.proposal.questions import Answers, Question
 from ema.proposal.roles import Judged
 from ema.proposal.toml_text import table_text
@@ -22,6 +23,16 @@ _NOWHERE = 900
 """Beyond it are the nodes of channels of which nobody stated where they sat, so that none is that of a point."""
 _UNPLACED = "a node of its own; nobody stated where it sat"
 """Comment of such a DOF in the proposed file."""
+
+_BY_NAME = "the number in its name"
+"""Comment of a DOF that is a number behind a word that need not mean a point."""
+
+_NUMBER = re.compile(r"\D*?(?P<word>[A-Za-z]+)[ _.-]?(?P<node>\d+)(?![A-Za-z])\D*")
+"""A name with one whole number, and the word before it."""
+_AXIS = re.compile(r"(?P<stem>.*?)(?:[ _.:]+(?P<apart>[XYZ][+-]|[+-]?[XYZ])|-?(?P<joined>[XYZ][+-]?))", re.IGNORECASE)
+"""A name that ends in a direction; a hyphen behind a letter is no sign."""
+_MEMBER = re.compile(r"[./](data|values?)$", re.IGNORECASE)
+"""Behind the name of a signal where a file has it as a member of a group of that name."""
 
 _UNNAMED = re.compile(r"^(.* )?(row|column) \d+$")
 _COMMENT = "#"
@@ -41,20 +52,22 @@ def count_of(channel: Mapping[str, Any]) -> int:
 
 
 def tables_of(
-    facts: Sequence[FileFacts], series: Series, counts: str, answers: Answers, sensor: int | None
+    facts: Sequence[FileFacts], series: Series, counts: str, answers: Answers, known: Points
 ) -> tuple[list[dict[str, Any]], list[dict[str, str]]]:
     """Channel tables of a run, and for each file the DOFs that its name states by channel; empty where none does."""
     if facts[0].record is not None:
-        channels = _of_records(facts, counts, answers)
+        channels = _of_records(facts, counts, answers, known.nodes)
     else:
-        channels = _of_frfs(facts, series, counts, answers, sensor)
+        channels = _of_frfs(facts, series, counts, answers, known.sensor)
     dofs: list[dict[str, str]] = [{} for _ in facts]
     if series.directed and counts == "points":
         dofs = _from_names(series, channels, facts[0].record is not None and facts[0].record.kind == "hammer")
     return channels, dofs
 
 
-def _of_records(facts: Sequence[FileFacts], counts: str, answers: Answers) -> list[dict[str, Any]]:
+def _of_records(
+    facts: Sequence[FileFacts], counts: str, answers: Answers, nodes: frozenset[int] | None
+) -> list[dict[str, Any]]:
     """Every channel with its role, its unit where the file has none, and its DOF."""
     record = facts[0].record
     assert record is not None
@@ -62,11 +75,14 @@ def _of_records(facts: Sequence[FileFacts], counts: str, answers: Answers) -> li
     unnamed = all(_UNNAMED.match(one.name) for one in judged)
     judged = _named_force(judged, answers, facts[0].path)
     stated = _units(judged, answers, facts[0].path)
+    placed = judged if counts == "points" or unnamed else _numbered(judged, nodes)
+    by_number = [before is not after for before, after in zip(judged, placed, strict=True)]
+    judged = placed
     dofs = _dofs(judged, counts)
     seen: set[tuple[str, Dof]] = set()
     channels: list[dict[str, Any]] = []
     numbers: dict[str, int] = {}
-    for index, (one, unit, dof) in enumerate(zip(judged, stated, dofs, strict=True)):
+    for index, (one, unit, (dof, why)) in enumerate(zip(judged, stated, dofs, strict=True)):
         comments: dict[str, str] = {}
         channel: dict[str, Any] = {}
         double = [other.name for other in judged].count(one.name) > 1
@@ -87,8 +103,8 @@ def _of_records(facts: Sequence[FileFacts], counts: str, answers: Answers) -> li
             channel["joint"] = f"J{1 + sum(other.get('role') == 'normal force' for other in channels)}"
         if dof:
             channel["dof"] = dof
-        if dof.isdigit() and int(dof) > _NOWHERE:
-            comments["dof"] = _UNPLACED
+        if why or by_number[index]:
+            comments["dof"] = why or _BY_NAME
         if one.dof is not None and one.role in ("reference", "response"):
             key = (one.role, one.dof.positive)
             if key in seen:
@@ -193,24 +209,82 @@ def _unit_keys(text: str, one: Judged) -> dict[str, Any]:
     return {"unit": text}
 
 
-def _dofs(judged: Sequence[Judged], counts: str) -> list[str]:
-    """DOFs as texts: that of the file, the ``{point}`` of the file name, or a node of its own without a direction."""
-    moving = "reference" if any(one.role == "reference" for one in judged) else "response"
-    numbered = counts == "points" or any(one.dof is not None and _stated(one.dof) for one in judged)
-    found, node = [], 0
-    for one in judged:
+def _numbered(judged: Sequence[Judged], nodes: frozenset[int] | None) -> list[Judged]:
+    """The channels with nodes from names such as ``A1``, ``A4``, ``Force A4``: one word with the number of a point.
+
+    All responses without a DOF have that word and numbers of their own, and the geometry, if there is one, those nodes.
+    """
+    matches = [_NUMBER.fullmatch(_MEMBER.sub("", one.name)) for one in judged]
+    last = [(match["word"].lower(), int(match["node"])) if match else ("", 0) for match in matches]
+    responses = [last[k] for k, one in enumerate(judged) if one.role == "response" and not _placed(one)]
+    word = responses[0][0] if responses else ""
+    own = {number for _, number in responses}
+    several = len(own) == len(responses) > 1
+    if not word or not several or any(other != word for other, _ in responses) or not min(own):
+        return list(judged)
+    if nodes is not None and not own <= nodes:
+        return list(judged)
+    return [
+        replace(one, dof=Dof(number)) if label == word and not _placed(one) else one
+        for one, (label, number) in zip(judged, last, strict=True)
+    ]
+
+
+def _dofs(judged: Sequence[Judged], counts: str) -> list[tuple[str, str]]:
+    """DOFs as texts, and comments: of the file or the name, the ``{point}`` of the file name, or a node of its own."""
+    axes = _axes(judged)
+    moving = _moving(judged, axes) if counts == "points" else []
+    numbered = counts == "points" or any(_placed(one) for one in judged)
+    dofs: list[tuple[str, str]] = []
+    own: dict[Any, int] = {}
+    for index, one in enumerate(judged):
         if one.role not in ("reference", "response"):
-            found.append("")
+            dofs.append(("", ""))
             continue
-        node += 1
-        if counts == "points" and one.role == moving:
-            direction = "" if one.dof is None or one.dof.direction == SCALAR else f":{one.dof.direction}"
-            found.append(f"{{point}}{direction}")
+        sensor, direction = axes.get(index, (index, ""))
+        node = own.setdefault(sensor, len(own) + 1)
+        if one.dof is not None and one.dof.direction != SCALAR:
+            direction = one.dof.direction
+        suffix = f":{direction}" if direction else ""
+        if index in moving:
+            contrary = f"TODO: its name says {one.dof}, and the names of the files count points"
+            dofs.append((f"{{point}}{suffix}", contrary if one.dof_in_name and _placed(one) else ""))
         elif one.dof is not None and (_stated(one.dof) or len(judged) == 1):
-            found.append(str(one.dof) if one.dof_in_name else "")
+            dofs.append((f"{one.dof.node}{suffix}" if one.dof_in_name else "", ""))
         else:
-            found.append(str(_NOWHERE + node if numbered else node))
-    return found
+            dofs.append((f"{_NOWHERE + node if numbered else node}{suffix}", _UNPLACED if numbered else ""))
+    return dofs
+
+
+def _moving(judged: Sequence[Judged], axes: Mapping[int, tuple[str, str]]) -> list[int]:
+    """Which channels moved from file to file: the force, or what has no DOF in its name where the force has one."""
+    forces = [k for k, one in enumerate(judged) if one.role == "reference"]
+    responses = [k for k, one in enumerate(judged) if one.role == "response"]
+    open_ = [k for k in responses if not (judged[k].dof_in_name and _placed(judged[k]))]
+    if not forces:
+        return open_ or responses
+    still = all(judged[k].dof_in_name and _placed(judged[k]) for k in forces)
+    sensors = {axes.get(k, (k, ""))[0] for k in open_}
+    return open_ if still and len(sensors) == 1 else forces
+
+
+def _axes(judged: Sequence[Judged]) -> dict[int, tuple[str, str]]:
+    """Sensor and direction of the responses of triaxial sensors: names that differ in X, Y and Z at their ends."""
+    sensors: dict[str, dict[int, str]] = {}
+    for index, one in enumerate(judged):
+        match = _AXIS.fullmatch(_MEMBER.sub("", one.name))
+        if match and one.role == "response" and not _placed(one):
+            sensors.setdefault(match["stem"].lower(), {})[index] = plain_direction(match["apart"] or match["joined"])
+    return {
+        index: (stem, direction)
+        for stem, directions in sensors.items()
+        for index, direction in directions.items()
+        if len({text[-1] for text in directions.values()}) == len(directions) > 1
+    }
+
+
+def _placed(one: Judged) -> bool:
+    return one.dof is not None and _stated(one.dof)
 
 
 def _stated(dof: Dof) -> bool:
@@ -314,10 +388,16 @@ def _from_names(series: Series, channels: list[dict[str, Any]], hammer: bool) ->
         if "input" in stated and len(forces) == 1:
             dofs[forces[0]["name"]] = str(stated["input"])
         # a pair states the response first; a single DOF is that of what moved: the hammer, or the one response
-        roving_hammer = len(forces) == 1 and (hammer or len(responses) != 1) and "input" not in stated
+        still = len(forces) == 1 and not forces[0].get("dof", "{point}").startswith("{point}")
+        roving_hammer = len(forces) == 1 and not still and (hammer or len(responses) != 1) and "input" not in stated
         mover = forces if roving_hammer else responses
+        if still:
+            mover = [channel for channel in responses if channel.get("dof", "").startswith("{point}")]
         if "point" in stated and len(mover) == 1:
             dofs[mover[0]["name"]] = str(stated["point"])
+        elif "point" in stated and still:
+            node = str(stated["point"].node)
+            dofs |= {channel["name"]: channel["dof"].replace("{point}", node) for channel in mover}
         by_file.append(dofs)
     for channel in (*responses, *forces):
         if any(channel["name"] in dofs for dofs in by_file):

@@ -84,7 +84,7 @@ def taken_apart(path: str) -> FileName:
             continue
         numbers.append(int(found["number"]))
         words.append(letters[1].lower() if letters else "")
-        directions.append(_plain(found["direction"] or ""))
+        directions.append(plain_direction(found["direction"] or ""))
         spans.append(found.span("number"))
         pieces += [path[last : found.start("number")], "#"]
         last = found.end("direction") if found["direction"] else found.end("number")
@@ -94,8 +94,8 @@ def taken_apart(path: str) -> FileName:
     )
 
 
-def _plain(text: str) -> str:
-    """``z``, ``_x``, ``Z+`` and ``+Z`` as a direction of a DOF."""
+def plain_direction(text: str) -> str:
+    """Return ``z``, ``_x``, ``Z+`` and ``+Z`` as a direction of a DOF; empty for an empty text."""
     text = text.strip("_").upper()
     sign = "-" if "-" in text else "+"
     axis = text.strip("+-")

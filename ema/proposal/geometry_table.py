@@ -41,18 +41,34 @@ def candidate(facts: Sequence[FileFacts]) -> Chosen | None:
     return Chosen(file) if file.geometry is not None else Chosen(file, next(iter(file.positions.values())))
 
 
-def sensor_node(chosen: Chosen | None, folder: Path) -> int | None:
-    """The point at which a table has its only other position: where the sensor sat that stayed."""
-    if chosen is None or chosen.columns is None or len(chosen.facts.positions) < 2:
-        return None
+@dataclass(frozen=True)
+class Points:
+    """What the positions say: the nodes (``None`` without positions), and the node of a sensor that stayed."""
+
+    nodes: frozenset[int] | None = None
+    sensor: int | None = None
+
+
+def points_of(chosen: Chosen | None, folder: Path) -> Points:
+    """The nodes of a geometry, and the point at which a table has its only other position."""
+    if chosen is None:
+        return Points()
     path = folder / chosen.facts.path
-    points, sensors = (
-        _read(path, names, _names_in(path, names)) for names in list(chosen.facts.positions.values())[:2]
-    )
-    if points is None or sensors is None or len(sensors.nodes) != 1:
-        return None
-    away = np.linalg.norm(points.xyz - sensors.xyz[0], axis=1)
-    return int(points.nodes[np.argmin(away)]) if away.min() <= 1e-3 * np.ptp(points.xyz) else None
+    geometry = chosen.facts.geometry
+    if chosen.columns is not None:
+        geometry = _read(path, chosen.columns, _names_in(path, chosen.columns))
+    if geometry is None:
+        return Points()
+    nodes = frozenset(geometry.nodes.tolist())
+    if chosen.columns is None or len(chosen.facts.positions) < 2:
+        return Points(nodes)
+    names = list(chosen.facts.positions.values())[1]
+    sensors = _read(path, names, _names_in(path, names))
+    if sensors is None or len(sensors.nodes) != 1:
+        return Points(nodes)
+    away = np.linalg.norm(geometry.xyz - sensors.xyz[0], axis=1)
+    near = away.min() <= 1e-3 * np.ptp(geometry.xyz)
+    return Points(nodes, int(geometry.nodes[np.argmin(away)]) if near else None)
 
 
 def table_of(

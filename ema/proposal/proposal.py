@@ -161,12 +161,12 @@ def compose(folder: Path, facts: tuple[FileFacts, ...], given: Mapping[str, str]
             advice="`ema compare` takes modal models, `ema formats` lists what can be read",
         )
     chosen = geometry_table.candidate(facts)
-    sensor = geometry_table.sensor_node(chosen, folder)
+    points = geometry_table.points_of(chosen, folder)
     runs: list[_Run] = []
     taken: set[str] = set()
     for group in groups:
         others = [one.path for one in facts if one not in group.facts]
-        for run in _runs(group, answers, findings, sensor):
+        for run in _runs(group, answers, findings, points):
             _list_files(run, group, others)
             run.table["id"] = _unique(run.table["id"], taken)
             runs.append(run)
@@ -280,15 +280,15 @@ def _joined(groups: list[_Group], paths: list[str]) -> list[_Group]:
     return joined
 
 
-def _runs(group: _Group, answers: Answers, findings: list[Finding], sensor: int | None) -> list[_Run]:
+def _runs(group: _Group, answers: Answers, findings: list[Finding], known: geometry_table.Points) -> list[_Run]:
     """The runs that a group of files makes: one, or one for each file."""
     first = group.facts[0]
     if first.kind == "levels":
         return [_stepped(one, name, columns) for one in group.facts for name, columns in one.levels.items()]
     counts = _counted(group, answers)
     if counts == "runs":
-        return [_run(_Group(series_of([one.path])[0], (one,)), "", answers, findings, sensor) for one in group.facts]
-    return [_run(group, counts, answers, findings, sensor)]
+        return [_run(_Group(series_of([one.path])[0], (one,)), "", answers, findings, known) for one in group.facts]
+    return [_run(group, counts, answers, findings, known)]
 
 
 def _counted(group: _Group, answers: Answers) -> str:
@@ -323,7 +323,7 @@ def _stepped(one: FileFacts, name: str, columns: Mapping[str, str]) -> _Run:
     return _Run(run, [], comments)
 
 
-def _run(group: _Group, counts: str, answers: Answers, findings: list[Finding], sensor: int | None) -> _Run:
+def _run(group: _Group, counts: str, answers: Answers, findings: list[Finding], known: geometry_table.Points) -> _Run:
     """One run of the files of a group."""
     first = group.facts[0]
     run: dict[str, Any] = {"id": _name(group)}
@@ -331,7 +331,7 @@ def _run(group: _Group, counts: str, answers: Answers, findings: list[Finding], 
     if first.record is not None and first.record.kind != "unknown":
         run["kind"] = first.record.kind
         comments["kind"] = first.record.kind_evidence
-    channels, dofs = channel_tables.tables_of(group.facts, group.series, counts, answers, sensor)
+    channels, dofs = channel_tables.tables_of(group.facts, group.series, counts, answers, known)
     run["files"] = _files(group, counts, dofs)
     if first.kind == "records" and first.several > 1:
         comments["files"] = f"each with {first.several} records"

@@ -11,9 +11,10 @@ from scipy import signal as signals
 from ema.data import Channel, Recording
 from ema.data.condition import ExcitationKind
 from ema.data.recording import Role
-from ema.dof import Dof
+from ema.dof import SCALAR, Dof
 from ema.errors import EmaError
 from ema.estimate.channel_swap import PUSHES, RINGS, one_sided
+from ema.proposal.file_names import NODE_WORDS, plain_direction
 from ema.units import Quantity
 
 _FORCE = re.compile(r"(force|hammer|shaker|load ?cell|impact|kraft|(^|[^a-z])(f|fz|fx|fy|ref)([^a-z]|$))", re.I)
@@ -170,17 +171,25 @@ def _presses(row: Float[np.ndarray, "sample"]) -> bool:
     return bool(abs(np.mean(row)) > STEADY * np.std(row) > 0)
 
 
+_DIRECTED = re.compile(r"(?<![\d.])(\d+)\s*[:_ ]?\s*([+-]?R?[XYZ]|R?[XYZ][+-])(?![A-Za-z])", re.I)
+_DIRECTION = re.compile(r"(?<![A-Za-z0-9])([+-]?R?[XYZ]|R?[XYZ][+-])(?![A-Za-z0-9])", re.I)
+_POINT = re.compile(rf"(?<![A-Za-z])(?:{'|'.join(NODE_WORDS)})[ _.:#-]{{0,2}}(\d+)(?![\d.]*\d)(?![A-Za-z])", re.I)
+
+
 def _dof(channel: Channel) -> Dof | None:
-    """The DOF of the file, or one that the name of the channel states, such as ``acc 12:+Z`` or ``P12Z+``."""
+    """The DOF of the file, or one that the name states: ``acc 12:+Z``, ``P12Z+``, ``Punkt 12``, ``X point 12``."""
     if channel.dof is not None:
         return channel.dof
-    match = re.search(r"(?<![\d.])(\d+)\s*[:_ ]?\s*([+-]?R?[XYZ]|R?[XYZ][+-])(?![A-Za-z])", channel.name, re.I)
-    if match is None:
+    directed, point = _DIRECTED.search(channel.name), _POINT.search(channel.name)
+    if directed is not None:
+        node, direction = directed[1], directed[2]
+    elif point is not None:
+        beside = _DIRECTION.findall(channel.name)
+        node, direction = point[1], beside[0] if len(beside) == 1 else ""
+    else:
         return None
-    direction = match[2].upper()
-    sign = "-" if "-" in direction else "+"
     try:
-        return Dof(int(match[1]), sign + direction.strip("+-"))
+        return Dof(int(node), plain_direction(direction) or SCALAR)
     except EmaError:
         return None
 
