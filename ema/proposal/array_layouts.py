@@ -27,22 +27,52 @@ _FRF = re.compile(r"(^|[./_ ])(h\d*f?|frf|tf|accelerance|mobility|receptance|com
 _OTHER_SPECTRUM = re.compile(r"(psd|csd|cross|auto|lin_?spec|power|coh)", re.IGNORECASE)
 _COHERENCE = re.compile(r"coh", re.IGNORECASE)
 _RESPONSES = ("response", "amplitude", "acceleration", "velocity", "displacement")
+_LEVEL_COLUMNS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "frequency": (r"^(f|freq\w*)$", ("frequency",)),
+    "force": (r"force|kraft", ("force",)),
+    "response": (
+        r"response|amplitude|acc|beschl|vel|geschw|disp|weg|antwort",
+        ("acceleration", "velocity", "displacement"),
+    ),
+    "phase": (r"phase|phi$", ("rotation",)),
+}
+"""Columns of a level: words of their titles where a column has no unit, and quantities of their units."""
 _SHAPE = re.compile(r"(shape|^u\d+$|phi|psi|mode|eigvec|freq)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class LevelColumns:
+    """One level of a stepped sine, in a table of its own.
+
+    ``columns`` are the titles of ``frequency``, ``force``, ``response`` and ``phase``; ``unstated`` those of the four
+    without a unit. ``median`` and ``spread`` (standard deviation over mean) are those of force and response.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    unstated: tuple[str, ...] = ()
+    median: Mapping[str, float] = field(default_factory=dict)
+    spread: Mapping[str, float] = field(default_factory=dict)
+
+    def height(self, control: str) -> float:
+        """The force of a level with constant force, else the response, in the unit of the file."""
+        return self.median["force" if control == "force" else "response"]
 
 
 @dataclass(frozen=True)
 class Described:
     """What the arrays of one file seem to be.
 
-    ``kind`` is ``"records"``, ``"FRFs"``, ``"levels"``, ``"positions"``, ``"shapes"`` or ``""`` where nothing can be
-    said. ``reader`` holds the options of :func:`acquisition.read` that say it, ``levels`` the tables of stepped sines
-    by the name of their run, ``positions`` the titles of the columns x, y and z by what they have in common.
+    ``kind`` is ``"records"``, ``"FRFs"``, ``"levels"``, ``"level"``, ``"positions"``, ``"shapes"`` or ``""`` where
+    nothing can be said. ``reader`` holds the options of :func:`acquisition.read` that say it, ``levels`` the tables of
+    stepped sines by the name of their run, ``level`` the columns of a table that is one level, ``positions`` the titles
+    of the columns x, y and z by what they have in common.
     ``needs_rate`` says that nothing states the sampling rate. ``evidence`` is a sentence for the reader.
     """
 
     kind: str = ""
     reader: Mapping[str, Any] = field(default_factory=dict)
     levels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    level: LevelColumns | None = None
     positions: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
     needs_rate: bool = False
     evidence: str = ""
@@ -66,7 +96,7 @@ def described(error: UndescribedError) -> Described:
     pool = {name: np.asarray(value) for name, value in error.arrays.arrays.items()}
     numbers = {name: np.squeeze(value) for name, value in pool.items() if value.dtype.kind in "iufc" and value.size}
     metadata = dict(error.arrays.metadata)
-    for find in (_levels, _frfs, _records):
+    for find in (_levels, _level, _frfs, _records):
         description = find(numbers, metadata, error)
         if description.kind:
             return description
@@ -122,6 +152,34 @@ def _held(numbers: Mapping[str, np.ndarray], force: str, response: str) -> str:
         return float(np.median([np.std(row) / np.mean(np.abs(row)) for row in rows]))
 
     return "force" if spread(force) < spread(response) else "response"
+
+
+def _level(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], error: UndescribedError) -> Described:
+    """One level of a stepped sine: a text table with one column each of frequency, force, response and phase."""
+    from ema.proposal.units import quantity_of
+
+    found: dict[str, list[str]] = {kind: [] for kind in _LEVEL_COLUMNS}
+    unstated: set[str] = set()
+    titles = [] if error.arrays.where.lower().endswith(".xlsx") else error.arrays.titles
+    for title in titles:
+        quantity = quantity_of(error.arrays.label(title))
+        if quantity == "time" or _TIME.search(title):
+            return Described()
+        for kind, (words, quantities) in _LEVEL_COLUMNS.items():
+            if quantity in quantities or (not quantity and re.search(words, title, re.IGNORECASE)):
+                found[kind].append(title)
+                unstated |= set() if quantity else {kind}
+    if any(len(names) != 1 or names[0] not in numbers for names in found.values()):
+        return Described()
+    columns = {kind: names[0] for kind, names in found.items()}
+    amplitudes = {kind: np.abs(numbers[columns[kind]]) for kind in ("force", "response")}
+    level = LevelColumns(
+        columns,
+        tuple(kind for kind in columns if kind in unstated),
+        {kind: float(np.median(row)) for kind, row in amplitudes.items()},
+        {kind: float(np.std(row) / (np.mean(row) or 1.0)) for kind, row in amplitudes.items()},
+    )
+    return Described("level", level=level, evidence="columns of frequency, force, response and phase")
 
 
 def _frfs(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], error: UndescribedError) -> Described:

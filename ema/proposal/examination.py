@@ -11,7 +11,7 @@ from ema.data import Geometry
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.progress import Progress, advance, silent
-from ema.proposal.array_layouts import described
+from ema.proposal.array_layouts import LevelColumns, described
 from ema.proposal.roles import JudgedRecord, judge
 from ema.store.reading import containers
 from ema.units import UNSTATED
@@ -50,8 +50,9 @@ class FrfFacts:
 class FileFacts:
     """What one file holds.
 
-    ``kind`` is ``"records"``, ``"FRFs"``, ``"levels"``, ``"geometry"``, ``"positions"``, ``"shapes"``, ``"modes"`` or
-    ``""``; ``reader`` the options of :func:`acquisition.read` that it needs; ``reason`` why it is left out.
+    ``kind`` is ``"records"``, ``"FRFs"``, ``"levels"``, ``"level"``, ``"geometry"``, ``"positions"``, ``"shapes"``,
+    ``"modes"`` or ``""``; ``reader`` the options of :func:`acquisition.read` that it needs; ``reason`` why it is left
+    out.
     """
 
     path: str
@@ -63,6 +64,7 @@ class FileFacts:
     samples: int = 0
     frfs: tuple[FrfFacts, ...] = ()
     levels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    level: LevelColumns | None = None
     positions: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
     geometry: Geometry | None = None
     length_unit: str = UNSTATED
@@ -119,13 +121,14 @@ def facts_of(path: Path, label: str) -> FileFacts:
             contents = acquisition.Contents.of(containers(path)) if store.is_store(path) else acquisition.read(path)
         except acquisition.UndescribedError as error:
             guess = described(error)
-            if guess.kind in ("levels", "positions", "shapes", ""):
-                known = guess.kind in ("levels", "positions")
+            if guess.kind in ("levels", "level", "positions", "shapes", ""):
+                known = guess.kind in ("levels", "level", "positions")
                 return FileFacts(
                     label,
                     guess.kind,
                     evidence=guess.evidence,
                     levels=guess.levels,
+                    level=guess.level,
                     positions=guess.positions,
                     reason="" if known else _reason(guess.kind, guess.evidence),
                 )

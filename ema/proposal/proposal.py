@@ -12,7 +12,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.file_names import natural
 from ema.progress import Progress, silent
-from ema.proposal import channel_tables, geometry_table
+from ema.proposal import channel_tables, geometry_table, level_tables
 from ema.proposal.examination import FileFacts, FrfFacts, examine
 from ema.proposal.file_names import Series, series_of
 from ema.proposal.questions import Answers, Question
@@ -151,7 +151,7 @@ def compose(folder: Path, facts: tuple[FileFacts, ...], given: Mapping[str, str]
     answers = Answers(given)
     findings: list[Finding] = []
     left = [(one.path, one.reason) for one in facts if one.reason]
-    groups = _groups([one for one in facts if one.kind in ("records", "FRFs", "levels")])
+    groups = _groups([one for one in facts if one.kind in ("records", "FRFs", "levels", "level")])
     if not groups:
         seen = "; ".join(f"{path}: {reason}" for path, reason in left[:4])
         raise InputError(
@@ -243,6 +243,8 @@ def _signature(one: FileFacts) -> tuple[Any, ...]:
     if one.record is not None:
         names = tuple((channel.name, channel.role, channel.unit) for channel in one.record.channels)
         return one.kind, names, round(one.rate, 3), repr(dict(one.reader)), one.record.kind
+    if one.level is not None:
+        return one.kind, one.level.unstated, repr(dict(one.level.columns))
     frfs = tuple((len(frf.outputs), len(frf.inputs), frf.quantity, frf.scaled, frf.axis) for frf in one.frfs)
     return one.kind, frfs, repr(dict(one.reader))
 
@@ -253,6 +255,11 @@ def _groups(facts: list[FileFacts]) -> list[_Group]:
         by_signature.setdefault(_signature(one), {})[one.path] = one
     groups = []
     for members in by_signature.values():
+        if next(iter(members.values())).level is not None:
+            named = {name.path: name for one in series_of(list(members)) for name in one.names}
+            runs = level_tables.sets(list(members.values()))
+            groups += [_Group(Series(tuple(named[one.path] for one in run), ()), run) for run in runs]
+            continue
         series = [_Group(one, tuple(members[name.path] for name in one.names)) for one in series_of(list(members))]
         groups += _joined(series, list(members))
     return sorted(groups, key=lambda group: natural(group.facts[0].path))
@@ -283,6 +290,9 @@ def _joined(groups: list[_Group], paths: list[str]) -> list[_Group]:
 def _runs(group: _Group, answers: Answers, findings: list[Finding], known: geometry_table.Points) -> list[_Run]:
     """The runs that a group of files makes: one, or one for each file."""
     first = group.facts[0]
+    if first.level is not None:
+        run, comments = level_tables.run_of(group.facts, answers)
+        return [_Run(run, [], comments)]
     if first.kind == "levels":
         return [_stepped(one, name, columns) for one in group.facts for name, columns in one.levels.items()]
     counts = _counted(group, answers)

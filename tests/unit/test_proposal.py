@@ -431,6 +431,78 @@ def test_a_sensor_that_moved_has_the_points_of_the_names_where_they_state_direct
     assert parsed.runs[0].files[1].dofs == {"ax": "4:+X", "ay": "4:+Y", "az": "4:+Z"}
 
 
+TITLES = "Frequency [Hz],Force [N],Acceleration [g],Phase [deg]"
+
+
+def level_table(path: Path, force: float, *, titles: str = TITLES, lines: int = 61, control: str = "force") -> None:
+    """One level of a stepped sine about the resonance of an oscillator at 60 Hz with 1 % of damping."""
+    f = np.linspace(55, 65, lines)
+    receptance = 1 / (1 - (f / 60) ** 2 + 0.02j * f / 60)
+    amplitude = force * np.abs(receptance)
+    kept = {"force": np.ones(lines), "response": 1 / amplitude, "none": 1 / np.sqrt(amplitude)}[control]
+    columns = np.column_stack([f, force * kept, amplitude * kept, np.degrees(np.angle(-receptance))])
+    path.parent.mkdir(exist_ok=True)
+    np.savetxt(path, columns, "%.9g", ",", header=titles, comments="")
+
+
+@pytest.mark.parametrize("control", ["force", "response", "none"])
+@pytest.mark.parametrize("lines", [12, 200])
+def test_tables_of_a_stepped_sine_are_levels_of_one_run(tmp_path: Path, control: str, lines: int) -> None:
+    """They had been called mode shapes or frequencies, and the folder refused."""
+    for level in (1, 10, 2.5):
+        # a controller of the response keeps another one in each file
+        level_table(
+            tmp_path / f"stepped_{level}N.csv",
+            level,
+            lines=lines,
+            control="force" if control == "response" else control,
+        )
+        if control == "response":
+            path = tmp_path / f"stepped_{level}N.csv"
+            rows = np.loadtxt(path, delimiter=",", skiprows=1)
+            rows[:, 1:3] *= (level / rows[:, 2])[:, None]
+            np.savetxt(path, rows, "%.9g", ",", header=TITLES, comments="")
+    found = proposal.propose(tmp_path)
+    assert [(one.key, one.default) for one in found.questions] == [
+        ("control stepped_N", control),
+        ("level dofs", "unstated"),
+    ]
+    text = found.answered("level dofs", "3:+Y, 4:-X").text
+    (run,) = acquisition.campaign_file.parse(text).runs
+    assert (run.kind, run.files[0].file, run.levels.control) == ("stepped sine", "stepped_*N.csv", control)
+    (tmp_path / "campaign.toml").write_text(text, encoding="utf-8")
+    (opened,) = acquisition.open_campaign(tmp_path).runs
+    assert len(opened.levels) == 3
+    assert {(str(one.output), str(one.input)) for one in opened.levels} == {("3:+Y", "4:-X")}
+
+
+def test_levels_under_other_conditions_or_of_one_amplitude_are_runs_of_their_own(tmp_path: Path) -> None:
+    for pressed, way, level in product((1, 5), ("up", "down"), (1, 2)):
+        level_table(tmp_path / f"{pressed}kN" / f"{way}_{level}.csv", level)
+    for repeat in (1, 2):
+        level_table(tmp_path / f"again_{repeat}.csv", 3)
+    found = acquisition.campaign_file.parse(proposal.propose(tmp_path).text)
+    assert {run.files[0].file for run in found.runs} == {
+        *(f"{pressed}kN/{way}_*.csv" for pressed in (1, 5) for way in ("up", "down")),
+        "again_1.csv",
+        "again_2.csv",
+    }
+
+
+def test_units_that_tables_of_levels_do_not_state_are_asked_for(tmp_path: Path) -> None:
+    level_table(tmp_path / "level.csv", 1, titles="Frequenz,Kraft [N],Beschleunigung,Phase")
+    found = proposal.propose(tmp_path)
+    (units,) = [one.key for one in found.questions if one.required]
+    assert 'units = { frequency = "TODO", response = "TODO", phase = "TODO" }' in found.text
+    with pytest.raises(InputError, match="another number of units"):
+        found.answered(units, "Hz, g")
+    with pytest.raises(InputError, match="not two DOFs; got 'top'"):
+        found.answered("level dofs", "top")
+    (run,) = acquisition.campaign_file.parse(found.answered(units, "Hz, m/s^2, rad").text).runs
+    assert run.levels.units == {"frequency": "Hz", "response": "m/s^2", "phase": "rad"}
+    assert (run.levels.force, run.levels.response) == ("Kraft", "Beschleunigung")
+
+
 def test_signals_of_their_own_beside_a_block_are_channels_too(tmp_path: Path) -> None:
     """The force and the normal force of a MATLAB file with a block of accelerations had been left out without a word."""
     time, steady = np.arange(4096) / RATE, 5 + 1e-3 * np.random.default_rng(1).normal(size=4096)
