@@ -243,7 +243,7 @@ def _records(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], err
 
 
 def _vectors(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> Described:
-    """Signals as vectors of one length beside a time axis."""
+    """Signals as vectors of one length beside a time axis or a sampling rate."""
     for time, value in numbers.items():
         if not _is_time(time, value):
             continue
@@ -257,7 +257,17 @@ def _vectors(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> 
         if units:
             reader["units"] = units
         return Described("records", reader, evidence=f"{time} is the time axis")
-    return Described()
+    vectors = [value for value in numbers.values() if value.ndim == 1 and len(value) >= SHORTEST]
+    stated = [
+        name for name, value in numbers.items() if value.ndim == 0 and value.dtype.kind != "c" and _RATE.search(name)
+    ]
+    if len({float(numbers[name]) for name in stated}) != 1 or len({len(value) for value in vectors}) != 1:
+        return Described()
+    signals = [name for name, value in numbers.items() if _is_signal(value, len(vectors[0]))]
+    reader = {"signals": signals, "sampling_rate": stated[0]}
+    if units := _stated_units(signals, "", numbers, metadata):
+        reader["units"] = units
+    return Described("records", reader, evidence=f"sampling rate from {stated[0]}") if signals else Described()
 
 
 def _is_time(name: str, values: np.ndarray) -> bool:

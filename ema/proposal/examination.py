@@ -33,6 +33,9 @@ _PASSED_OVER = (
 )
 """Suffixes of files that are no measurements and are not mentioned."""
 
+_SHOWN = 4
+"""Arrays of a file that is left out which are named in the reason."""
+
 
 @dataclass(frozen=True)
 class FrfFacts:
@@ -146,7 +149,12 @@ def facts_of(path: Path, label: str) -> FileFacts:
 def _reason(kind: str, evidence: str) -> str:
     if kind == "shapes":
         return "mode shapes or frequencies without a measurement; `ema compare` takes them"
-    return f"nothing says what its arrays are: {evidence[:120]}"
+    shown = evidence.split("), ")
+    several = f"{'), '.join(shown[:_SHOWN])}) and {len(shown) - _SHOWN} more"
+    names = several if len(shown) > _SHOWN else evidence
+    return (
+        f"nothing says what its arrays are: {names}; say it in a run: reader = {{ signals = ..., sampling_rate = ... }}"
+    )
 
 
 def _of_contents(

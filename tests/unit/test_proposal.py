@@ -215,6 +215,25 @@ def test_each_signal_has_the_unit_that_is_stated_beside_it(tmp_path: Path, array
     assert layout_of(tmp_path / "file.mat")["reader"].get("units", {}) == units
 
 
+def test_data_sets_with_their_unit_and_rate_beside_them_are_signals(tmp_path: Path) -> None:
+    """They had been refused, with the rate in the text of the refusal."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "take1.h5", "w") as file:
+        for name, row, unit in (("force", pulse(), "N"), ("acc", ringing() / 9.80665, "g")):
+            data = file.create_dataset(f"measurement/{name}", data=row)
+            data.attrs["unit"], data.attrs["sampling_rate"] = unit, RATE
+    (tmp_path / "campaign.toml").write_text(proposal.propose(tmp_path).text, encoding="utf-8")
+    (record,) = acquisition.open_campaign(tmp_path).runs[0].recordings
+    assert record.sampling_rate == RATE
+    signals = {channel.name.split("/")[-1]: row for channel, row in zip(record.channels, record.signals, strict=True)}
+    np.testing.assert_allclose(signals["force"], pulse())
+    np.testing.assert_allclose(signals["acc"], ringing())
+    with h5py.File(tmp_path / "take1.h5", "a") as file:
+        file["measurement/acc"].attrs["sampling_rate"] = RATE / 2
+    reason = facts_of(tmp_path / "take1.h5", "take1.h5").reason
+    assert reason.startswith("nothing says what its arrays are: measurement/") and "sampling_rate = ... }" in reason
+
+
 def test_the_unit_of_a_time_axis_is_taken_from_the_file(tmp_path: Path) -> None:
     time = {"data": np.arange(4096) / RATE * 1e3, "unit": "ms"}
     savemat(tmp_path / "file.mat", {"time": time, "a": {"data": ringing(), "unit": "g"}})
