@@ -11,6 +11,7 @@ from ema.data import Geometry
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.progress import Progress, advance, silent
+from ema.proposal import named_points
 from ema.proposal.array_layouts import LevelColumns, described
 from ema.proposal.roles import JudgedRecord, judge
 from ema.store.reading import containers
@@ -53,9 +54,9 @@ class FrfFacts:
 class FileFacts:
     """What one file holds.
 
-    ``kind`` is ``"records"``, ``"FRFs"``, ``"levels"``, ``"level"``, ``"geometry"``, ``"positions"``, ``"shapes"``,
-    ``"modes"`` or ``""``; ``reader`` the options of :func:`acquisition.read` that it needs; ``reason`` why it is left
-    out.
+    ``kind`` is ``"records"``, ``"FRFs"``, ``"levels"``, ``"level"``, ``"geometry"``, ``"positions"``,
+    ``"named points"``, ``"shapes"``, ``"modes"`` or ``""``; ``reader`` the options of :func:`acquisition.read` that it
+    needs; ``reason`` why it is left out. ``length_unit`` is that of the geometry.
     """
 
     path: str
@@ -123,6 +124,8 @@ def facts_of(path: Path, label: str) -> FileFacts:
         try:
             contents = acquisition.Contents.of(containers(path)) if store.is_store(path) else acquisition.read(path)
         except acquisition.UndescribedError as error:
+            if (points := named_points.read(path)) is not None:
+                return FileFacts(label, "named points", geometry=points[0], length_unit=points[1])
             guess = described(error)
             if guess.kind in ("levels", "level", "positions", "shapes", ""):
                 known = guess.kind in ("levels", "level", "positions")

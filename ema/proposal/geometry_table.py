@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.columns import column, numbers, read_columns
+from acquisition.quantities import measure
 from ema.data import Finding, Geometry
 from ema.errors import EmaError, InputError
 from ema.proposal import positions
@@ -87,7 +88,7 @@ def table_of(
         geometry = _read(folder / path, chosen.columns, rows)
     if geometry is None:
         return {}, {}, None
-    unit, comments = "m", {}
+    unit, comments = chosen.facts.length_unit, {}
     is_table = Path(path).suffix.lower() in _TABLES
     if chosen.facts.length_unit == UNSTATED:
         extent = float(np.ptp(geometry.xyz, axis=0).max()) if len(geometry.nodes) else 0.0
@@ -102,15 +103,17 @@ def table_of(
         )
         if quantity_of(unit) != "displacement":
             raise InputError("not a unit of length", where="coordinates", got=unit, expected="m, mm, in")
-        from acquisition.quantities import measure
-
-        geometry = Geometry(geometry.nodes, measure(f"1 {unit}")[0] * geometry.xyz, geometry.lines, geometry.faces)
         if not answers.known("coordinates"):
             comments["unit" if is_table or chosen.columns else "reader"] = "TODO: nobody stated it"
         if is_table or chosen.columns:
             table["unit"] = unit
         else:
             table["reader"] = {**chosen.facts.reader, "unit": unit}
+    if chosen.facts.kind == "named points":
+        rows = {str(node): row for node, row in zip(geometry.nodes, geometry.xyz.tolist(), strict=True)}
+        table, comments["nodes"] = {"unit": unit, "nodes": rows}, f"by the numbers in the names of {path}"
+    factor = measure(f"1 {unit}")[0]
+    geometry = Geometry(geometry.nodes, factor * geometry.xyz, geometry.lines, geometry.faces, geometry.axes)
     findings += positions.findings(geometry, path, unit)
     return table, comments, geometry
 

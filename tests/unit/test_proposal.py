@@ -450,6 +450,37 @@ def test_a_sensor_that_moved_has_the_points_of_the_names_where_they_state_direct
     assert parsed.runs[0].files[1].dofs == {"ax": "4:+X", "ay": "4:+Y", "az": "4:+Z"}
 
 
+@pytest.mark.parametrize("unit", ["mm", ""])
+@pytest.mark.parametrize("title", ["point", "node", "Messpunkt"])
+def test_points_with_numbers_in_their_names_are_the_geometry(tmp_path: Path, title: str, unit: str) -> None:
+    """A table with the points A1 to A12 had been left out, as arrays of which nothing says what they are."""
+    shaker_table(tmp_path, ["Force A4", "A12", "A4", "A7"])
+    rows = [f"A{node};{50 * node},5;{node % 2};0" for node in (12, 4, 7, 1)]
+    titles = ";".join(f"{axis} ({unit})" if unit else axis for axis in "xyz")
+    (tmp_path / "geometry.csv").write_text("\n".join([f"{title};{titles}", *rows]))
+    found = proposal.propose(tmp_path)
+    if not unit:
+        found = found.answered("coordinates", "mm")
+    assert found.questions == () and found.left_out == ()
+    (tmp_path / "campaign.toml").write_text(found.text, encoding="utf-8")
+    opened = acquisition.open_campaign(tmp_path)
+    assert opened.geometry.nodes.tolist() == [12, 4, 7, 1]
+    np.testing.assert_allclose(
+        opened.geometry.xyz, [[0.6005, 0, 0], [0.2005, 0, 0], [0.3505, 1e-3, 0], [0.0505, 1e-3, 0]]
+    )
+    np.testing.assert_allclose(found.geometry.xyz, opened.geometry.xyz)
+    assert [one.dof.node for one in opened.runs[0].recordings[0].channels] == [4, 12, 4, 7]
+
+
+@pytest.mark.parametrize("names", [("A1", "A1", "A2"), ("A1", "B1", "B2"), ("left", "A1", "A2")])
+def test_points_whose_names_are_no_nodes_are_left_out(tmp_path: Path, names: tuple[str, ...]) -> None:
+    shaker_table(tmp_path, ["Force", "A1", "A2"])
+    rows = [f"{name},{number},0,0" for number, name in enumerate(names)]
+    (tmp_path / "geometry.csv").write_text("\n".join(["point,x (mm),y (mm),z (mm)", *rows]))
+    found = proposal.propose(tmp_path)
+    assert [path for path, _ in found.left_out] == ["geometry.csv"] and found.geometry is None
+
+
 TITLES = "Frequency [Hz],Force [N],Acceleration [g],Phase [deg]"
 
 
