@@ -606,7 +606,7 @@ def _named_frequencies(near: object) -> list[float] | None:
     if near is None:
         return None
     wanted = np.atleast_1d(np.asarray(near))
-    if wanted.ndim > 1 or wanted.dtype.kind not in "iuf" or not wanted.size or not np.all(np.isfinite(wanted)):
+    if wanted.ndim > 1 or wanted.dtype.kind not in "iuf" or not wanted.size:
         raise InputError("near names no frequencies", got=repr(near), expected="one or more numbers in Hz")
     return [float(frequency) for frequency in wanted]
 
