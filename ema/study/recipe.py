@@ -255,6 +255,12 @@ class StatementTable(Table):
             raise ValueError("a statement about a run needs near, the frequency of the mode in Hz")
         if self.low == float("-inf") and self.high == float("inf"):
             raise ValueError("a statement that holds for every number says nothing; give low, high or both")
+        if self.low > self.high:
+            raise ValueError(f"no number lies between the bounds, got low = {self.low:g}, high = {self.high:g}")
+        for name in ("forces", "levels", "band"):
+            ends = getattr(self, name)
+            if ends is not None and ends[0] > ends[1]:
+                raise ValueError(f"{name} goes from a lower to a higher value, got {ends[0]:g} to {ends[1]:g}")
         return self
 
 

@@ -143,6 +143,9 @@ def test_runs_that_are_not_there_are_named(tmp_path):
         ('quantity = "damping"\nmap = "m"', "says nothing"),
         ('quantity = "height"\nmap = "m"\nlow = 1', "quantity"),
         ('quantity = "run damping"\nrun = "r"\nlow = 1', "needs near"),
+        ('quantity = "run damping"\nrun = "r"\nnear = 249\nlow = 0.7\nhigh = 0.5', "low = 0.7, high = 0.5"),
+        ('quantity = "ridge"\nmap = "m"\nlow = 1\nforces = [200, 25]', "forces goes from .* 200 to 25"),
+        ('quantity = "ridge"\nmap = "m"\nlow = 1\nlevels = [40, 6]', "levels goes from .* 40 to 6"),
     ],
 )
 def test_statements_that_say_nothing_are_refused(text, words):
