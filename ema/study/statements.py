@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from ema.study.recipe import RELEASE_QUANTITIES, StatementTable
 
 _STRICT = ("rise", "fall", "peak of", "dip", "ridge over")
 """Quantities of which no change is not enough: what stays constant neither rises nor falls."""
+
+NEAR = 0.05
+"""Largest relative distance of a mode from the frequency near which a statement names it: as far as a fit of one mode
+takes a peak (:func:`ema.fit.local_fit`)."""
 
 
 def judge(
@@ -37,10 +42,14 @@ def judge(
     charts, results = {one.name: one for one in maps}, {one.run.id: one for one in runs}
     judged = []
     for table in tables:
+        accepted = False
         if table.quantity in RELEASE_QUANTITIES and campaign is not None:
             measures = [releases.measured(table, campaign)]
+        elif table.map:
+            measures = _of_map(table, charts)
         else:
-            measures = _of_map(table, charts) if table.map else [_of_run(table, results)]
+            measure, accepted = _of_run(table, results)
+            measures = [measure]
         verdict: Verdict
         verdict, measure = features.decide(measures, table.low, table.high, table.quantity.startswith(_STRICT))
         why = ""
@@ -52,7 +61,7 @@ def judge(
             Statement(
                 table.text,
                 table.source,
-                _quantity(table),
+                _quantity(table, accepted=accepted),
                 table.low,
                 table.high,
                 measure.value,
@@ -177,27 +186,31 @@ def _ridges_over(table: StatementTable, over: ModalMap, under: ModalMap) -> list
     return measures
 
 
-def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:
-    from ema.fit import local_fit
-
+def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> tuple[Measure, bool]:
+    """The quantity of a statement about a run, and whether it is that of an accepted mode."""
+    result = _named(results, table.run, "run")
     if table.quantity == "run level effect":
-        effect = _named(results, table.run, "run").level_effect
+        effect = result.level_effect
         if effect is None:
-            return features.missing("impacts of different level on the same points")
-        return Measure(100 * effect.value, 100 * effect.lower, 100 * effect.upper)
+            return features.missing("impacts of different level on the same points"), False
+        return Measure(100 * effect.value, 100 * effect.lower, 100 * effect.upper), False
     assert table.near is not None
-    mode = local_fit(_named(results, table.run, "run").frfs.in_memory(), table.near)
-    match table.quantity:
-        case "run frequency":
-            return features.estimate(mode.natural_frequency, mode.natural_frequency_std)
-        case "run damping":
-            return features.estimate(100 * mode.damping_ratio, 100 * mode.damping_ratio_std)
-        case "run misfit":
-            return features.estimate(mode.residual, 0.0)
-        case "run damping over run":
-            other = local_fit(_named(results, table.other, "run").frfs.in_memory(), table.near)
-            both = mode.damping_ratio / other.damping_ratio
-            return features.estimate(both, both * float(np.hypot(_relative(mode), _relative(other))))
+    try:
+        if table.quantity == "run misfit":
+            return features.estimate(_linear_fit(result, table.near).residual, 0.0), False
+        mode = _mode(result, table.near)
+        match table.quantity:
+            case "run frequency":
+                return features.estimate(mode.frequency, mode.frequency_std), mode.accepted
+            case "run damping":
+                return features.estimate(100 * mode.damping, 100 * mode.damping_std), mode.accepted
+            case "run damping over run":
+                other = _mode(_named(results, table.other, "run"), table.near)
+                both = mode.damping / other.damping
+                relative = np.hypot(mode.damping_std / mode.damping, other.damping_std / other.damping)
+                return features.estimate(both, both * float(relative)), mode.accepted
+    except _NoModeError as error:
+        return features.missing(str(error)), False
     raise InputError(
         "this quantity is about a map",
         where=f"[[statements]] {table.text}",
@@ -207,8 +220,66 @@ def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> Measure:
     )
 
 
-def _relative(mode: SingleMode) -> float:
-    return mode.damping_ratio_std / mode.damping_ratio
+class _NoModeError(Exception):
+    """What it would take to read a mode, where there is none."""
+
+
+class _Mode(NamedTuple):
+    """Natural frequency in Hz and damping ratio with their standard deviations; ``accepted`` by the modal analysis, or
+    of one linear mode fitted to the FRFs."""
+
+    frequency: float
+    frequency_std: float
+    damping: float
+    damping_std: float
+    accepted: bool
+
+
+def _mode(result: RunResult, near: float) -> _Mode:
+    """The accepted mode near a frequency in Hz, which the report shows, or else one linear mode fitted there."""
+    row = _accepted(result, near)
+    if row is None:
+        fit = _linear_fit(result, near)
+        return _Mode(
+            fit.natural_frequency, fit.natural_frequency_std, fit.damping_ratio, fit.damping_ratio_std, accepted=False
+        )
+    modes = result.modes
+    assert modes.covariance is not None
+    std = np.sqrt(np.maximum(np.diagonal(modes.covariance[row]), 0))
+    frequency, damping = float(modes.natural_frequencies[row]), float(modes.damping_ratios[row])
+    return _Mode(frequency, float(std[0]), damping, float(std[1]), accepted=True)
+
+
+def _accepted(result: RunResult, near: float) -> int | None:
+    """The accepted mode nearest to a frequency in Hz, unless a peak outside its half-power band is nearer.
+
+    ``None`` also where the structure is not linear: its modes are not those of the FRFs at the level of the test.
+    """
+    from ema.fit import peak_picking
+
+    modes = result.modes
+    nonlinear = any(finding.code == "slip-then-ring" for finding in result.findings)
+    if nonlinear or not len(modes.poles) or modes.covariance is None:
+        return None
+    frequencies = modes.natural_frequencies
+    row = int(np.argmin(np.abs(frequencies - near)))
+    frequency, off = frequencies[row], abs(frequencies[row] - near)
+    if off > NEAR * near or not np.isfinite(modes.covariance[row]).all():
+        return None
+    try:
+        peak = peak_picking(result.frfs.in_memory(), [near])[0].natural_frequency
+    except InputError:  # no peak but that of the mode, if any
+        return row
+    return row if off <= abs(peak - near) or abs(peak - frequency) <= modes.damping_ratios[row] * frequency else None
+
+
+def _linear_fit(result: RunResult, near: float) -> SingleMode:
+    from ema.fit import local_fit
+
+    try:
+        return local_fit(result.frfs.in_memory(), near)
+    except InputError as error:
+        raise _NoModeError(f"a mode of {result.run.id} near {near:g} Hz ({error.what})") from error
 
 
 def _named(known: Mapping[str, "MapResult"] | Mapping[str, "RunResult"], name: str, what: str):  # type: ignore[no-untyped-def]
@@ -222,7 +293,7 @@ def _named(known: Mapping[str, "MapResult"] | Mapping[str, "RunResult"], name: s
     return known[name]
 
 
-def _quantity(table: StatementTable) -> str:
+def _quantity(table: StatementTable, *, accepted: bool) -> str:
     """What was looked at, in words."""
     parts: list[str] = [table.quantity]
     if table.quantity in RELEASE_QUANTITIES:
@@ -230,7 +301,8 @@ def _quantity(table: StatementTable) -> str:
     elif table.quantity == "run level effect":
         parts.append(f"modal constants of the late decay, twice the force, {table.run}")
     elif table.run:
-        parts.append(f"one linear mode fitted to the FRFs of {table.run} near {table.near:g} Hz")
+        what = f"accepted mode of {table.run}" if accepted else f"one linear mode fitted to the FRFs of {table.run}"
+        parts.append(f"{what} near {table.near:g} Hz")
     if table.map:
         parts.append(table.map)
     if table.other and table.quantity not in RELEASE_QUANTITIES:
