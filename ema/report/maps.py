@@ -82,12 +82,14 @@ _WORDS = (
 """Verdicts and quantities of statements, as data say them."""
 LEAST_SHOWN = 1e-3
 """Part of a value, the second digit of which is the last that a table of statements shows: publications print three
-digits, and an interval against noise alone may be a millionth."""
+digits. An interval that is narrower is shown to the second digit of its half width, as in the table of modes."""
 
 
 def _judged(one: Statement) -> tuple[Cell, ...]:
     reaches = [abs(bound - one.value) for bound in (one.lower, one.upper) if np.isfinite(bound)]
-    half = max(min(reaches), LEAST_SHOWN * abs(one.value)) if reaches else None
+    width = one.upper - one.lower
+    least = min(LEAST_SHOWN * abs(one.value), width / 2 if width > 0 else np.inf)
+    half = max(min(reaches), least) if reaches else None
     ends = [str(rounded(bound, half, 4)) if np.isfinite(bound) else text("open") for bound in (one.lower, one.upper)]
     interval = MISSING if np.isnan(one.lower) else text("{low} to {high}", low=ends[0], high=ends[1])
     bounds = _bounds(one.low, one.high)

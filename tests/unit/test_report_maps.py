@@ -1,9 +1,11 @@
 """The sentence on a map: levels that share a best normal force are told together."""
 
 import numpy as np
+import pytest
 
-from ema.data import MapResult, ModalMap
-from ema.report.maps import map_sentence
+from ema.data import Campaign, MapResult, ModalMap, Statement, StudyResult
+from ema.report.blocks import Book
+from ema.report.maps import map_sentence, statements
 
 
 def result(damping: np.ndarray) -> MapResult:
@@ -19,3 +21,21 @@ def test_levels_with_one_best_force_are_a_range():
 
 def test_an_empty_map_says_so():
     assert map_sentence(result(np.full((5, 2), np.nan))) == "mode 1: no mode was found in any condition."
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "shown"),
+    [
+        (996.80, 0.11, ("996.80", "996.69 to 996.91")),
+        (249.19993, 0.00025, ("249.19993", "249.19968 to 249.20018")),
+        (0.638, 0.02, ("0.638", "0.618 to 0.658")),
+        (0.0498, 0.0, ("0.049800", "0.049800 to 0.049800")),
+    ],
+)
+def test_an_interval_is_shown_with_the_digits_that_tell_its_ends_apart(value, half, shown):
+    one = Statement(
+        "f4", "Table 1", "run frequency", 0.0, 1e3, value, "matched", "matched", "", "", value - half, value + half
+    )
+    book = Book()
+    statements(StudyResult(Campaign("beam", ()), (), statements=(one,)), book)
+    assert tuple(str(cell) for cell in book.tables[0].rows[0][3:5]) == shown
