@@ -84,11 +84,10 @@ def show_result(out: Console, result: StudyResult, report: Path) -> None:
     if result.expectations:
         missed = [expectation for expectation in result.expectations if not expectation.met]
         out.print(f"{len(result.expectations) - len(missed)} of {len(result.expectations)} expected numbers met.")
+        verdicts = {one.expectation.what for one in result.statements}
         for one in missed:
-            out.print(
-                f"missed: {one.what}: found {one.found:.6g}, expected {one.expected:.6g} +- {one.tolerance:.3g}",
-                style=_STYLES["error"],
-            )
+            numbers = f": found {one.found:.6g}, expected {one.expected:.6g} +- {one.tolerance:.3g}"
+            out.print(f"missed: {one.what}{'' if one.what in verdicts else numbers}", style=_STYLES["error"])
     out.print(f"Report: {report}")
 
 

@@ -255,6 +255,14 @@ class Statement(Container):
         """Whether the verdict is the one that the recipe states."""
         return self.verdict == self.stated
 
+    @property
+    def expectation(self) -> Expectation:
+        """What the recipe expects of the verdict: 1 where it is met."""
+        what = f"{self.source}, verdict {self.stated!r}: {self.text}"
+        if not self.met:
+            what = f"{self.source}, {self.text}: the verdict is {self.verdict!r}, the recipe expects {self.stated!r}"
+        return Expectation(what, 1.0, 0.0, float(self.met), self.met)
+
 
 @dataclass(frozen=True, repr=False)
 class StudyResult(Container):

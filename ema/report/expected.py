@@ -1,9 +1,9 @@
 """The numbers that a recipe expects, on the front page."""
 
 from ema.data import StudyResult
-from ema.messages import plural, text
-from ema.report.blocks import Book, Table
-from ema.report.numbers import Value, plain, rounded, short
+from ema.messages import plural, text, word
+from ema.report.blocks import Book, Cell, Table
+from ema.report.numbers import MISSING, Value, plain, rounded, short
 
 
 def counted_expectations(result: StudyResult) -> list[str]:
@@ -25,16 +25,13 @@ def expectation_table(result: StudyResult, book: Book) -> Table | None:
     """Expected and found, the missed ones first."""
     if not result.expectations:
         return None
-    rows = [
-        (
-            e.what,
-            _held(e.expected, e.tolerance),
-            plain(e.tolerance, 2),
-            _held(e.found, e.tolerance),
-            text("met") if e.met else text("missed"),
-        )
-        for e in sorted(result.expectations, key=lambda e: e.met)
-    ]
+    statements = {one.expectation.what: one for one in result.statements}
+    rows: list[tuple[Cell, ...]] = []
+    for e in sorted(result.expectations, key=lambda e: e.met):
+        row: tuple[Cell, ...] = (_held(e.expected, e.tolerance), plain(e.tolerance, 2), _held(e.found, e.tolerance))
+        if statement := statements.get(e.what):
+            row = (word(statement.stated), MISSING, word(statement.verdict))
+        rows.append((e.what, *row, text("met") if e.met else text("missed")))
     columns = (text("What"), text("Expected"), text("Tolerance"), text("Found"), text("Result"))
     return book.table("expectations", text("Numbers that the recipe expects."), columns, rows)
 

@@ -42,10 +42,7 @@ def check(tables: list[ExpectTable], runs: tuple[RunResult, ...]) -> tuple[Expec
 
 def of_verdicts(statements: tuple[Statement, ...]) -> tuple[Expectation, ...]:
     """Whether every statement got the verdict that the recipe states: 1 where it did."""
-    return tuple(
-        Expectation(f"{one.source}, verdict {one.stated!r}: {one.text}", 1.0, 0.0, float(one.met), one.met)
-        for one in statements
-    )
+    return tuple(one.expectation for one in statements)
 
 
 def _frequencies(table: ExpectTable, result: RunResult) -> list[Expectation]:

@@ -1,11 +1,18 @@
 """The sentence on a map: levels that share a best normal force are told together."""
 
+import io
+from pathlib import Path
+
 import numpy as np
 import pytest
+from rich.console import Console
 
-from ema.data import Campaign, MapResult, ModalMap, Statement, StudyResult
+from ema.cli.screen import show_result
+from ema.data import Campaign, Expectation, MapResult, ModalMap, Statement, StudyResult
 from ema.report.blocks import Book
+from ema.report.expected import expectation_table
 from ema.report.maps import map_sentence, statements
+from ema.study.expectations import of_verdicts
 
 
 def result(damping: np.ndarray) -> MapResult:
@@ -39,3 +46,27 @@ def test_an_interval_is_shown_with_the_digits_that_tell_its_ends_apart(value, ha
     book = Book()
     statements(StudyResult(Campaign("beam", ()), (), statements=(one,)), book)
     assert tuple(str(cell) for cell in book.tables[0].rows[0][3:5]) == shown
+
+
+def test_a_missed_verdict_is_told_in_words():
+    """In the report's table and at the end of the command; numbers that were missed keep their numbers."""
+    missed, met = (
+        Statement("sticking frequency", "p. 3", "q", 62.2, 62.4, 62.3, verdict, "matched")
+        for verdict in ("not testable here", "matched")
+    )
+    told = (*of_verdicts((missed, met)), Expectation("number of modes", 8.0, 0.0, 9.0, met=False))
+    result = StudyResult(Campaign("beam", ()), (), statements=(missed, met), expectations=told)
+    table = expectation_table(result, Book())
+    assert table is not None
+    assert [tuple(map(str, row[1:])) for row in table.rows] == [
+        ("matched", "–", "not testable here", "missed"),
+        ("8", "0", "9", "missed"),
+        ("matched", "–", "matched", "met"),
+    ]
+    screen = Console(file=io.StringIO(), width=300)
+    show_result(screen, result, Path("r.html"))
+    lines = screen.file.getvalue().splitlines()
+    sentence = "p. 3, sticking frequency: the verdict is 'not testable here', the recipe expects 'matched'"
+    assert f"missed: {sentence}" in lines and table.rows[0][0] == sentence
+    assert "missed: number of modes: found 9, expected 8 +- 0" in lines
+    assert not told[0].met and told[1].met
