@@ -67,7 +67,7 @@ def compose(result: StudyResult, book: Book) -> Document:
     if result.amplitude_modes:
         front.append(Section(text("Over the amplitude"), "amplitude", amplitude_modes(result.amplitude_modes, book)))
     if result.decays:
-        front.append(Section(text("Ring-down"), "ring-down", ring_downs(result.decays, book)))
+        front.append(Section(text("Ring-down"), "ring-down", ring_downs(result.decays, book, campaign.runs)))
     if result.loops:
         front.append(Section(text("Hysteresis"), "hysteresis", loops(result.loops, book)))
     facts = {

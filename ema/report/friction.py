@@ -7,11 +7,12 @@ from math import isfinite
 import numpy as np
 
 from ema import show
-from ema.data import Decay, Loop
-from ema.estimate import phases
+from ema.data import Decay, JointForce, Loop, Run
+from ema.estimate import Phase, phases
 from ema.messages import mark, plural, text, word
 from ema.report.blocks import Block, Book, Cell
-from ema.report.numbers import MISSING, fixed, plain, short
+from ema.report.modes import joint_force
+from ema.report.numbers import MISSING, fixed, plain, short, with_uncertainty
 
 _PHASES = (mark("one mode"), mark("sliding"), mark("sticking"))
 """Kinds of phases, as data say them."""
@@ -59,7 +60,7 @@ def _sentence(decay: Decay, number: int) -> str:
     return text("Ring-down of {name}: {phases}; the joint begins to stick at {knee} s.", **said, knee=knee) + doubts
 
 
-def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
+def ring_downs(decays: Sequence[Decay], book: Book, runs: Sequence[Run] = ()) -> list[Block]:
     """Report frequency and damping of ring-downs over the amplitude, with a table of the phases.
 
     Parameters
@@ -68,6 +69,8 @@ def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
         Ring-downs; a picture shows at most six.
     book : Book
         Numbers the pictures and tables.
+    runs : sequence of Run, optional
+        Runs of the campaign, whose normal forces stand beside their ring-downs.
 
     Returns
     -------
@@ -91,29 +94,39 @@ def ring_downs(decays: Sequence[Decay], book: Book) -> list[Block]:
                 ),
             )
         )
-    return [*blocks, _phase_table(decays, book), _curve_table(decays, book)]
+    return [*blocks, _phase_table(decays, book, runs), _curve_table(decays, book)]
 
 
-def _phase_table(decays: Sequence[Decay], book: Book) -> Block:
-    """One row for each phase of each ring-down."""
-    rows: list[tuple[Cell, ...]] = [
-        (
-            _named(decay, number),
-            word(phase.kind),
-            fixed(phase.start, 3),
-            fixed(phase.stop, 3),
-            plain(phase.cycles, 3),
-            fixed(phase.frequency, 2),
-            fixed(100 * phase.damping, 3),
-            fixed(phase.misfit_ratio, 2),
-            fixed(decay.knee, 3) if isfinite(decay.knee) else MISSING,
-        )
-        for number, decay in enumerate(decays, 1)
-        for phase in phases(decay)
-    ]
+def _phase_table(decays: Sequence[Decay], book: Book, runs: Sequence[Run]) -> Block:
+    """One row for each phase of each ring-down, with the normal forces of its run."""
+    pressed = [_joints(decay, runs) for decay in decays]
+    joints = list(dict.fromkeys(name for forces in pressed for name in forces))
+    rows: list[tuple[Cell, ...]] = []
+    for number, (decay, forces) in enumerate(zip(decays, pressed, strict=True), 1):
+        for phase in phases(decay):
+            reach_f, reach_zeta = _reaches(decay, phase)
+            rows.append(
+                (
+                    _named(decay, number),
+                    word(phase.kind),
+                    *(joint_force(forces[name].mean, forces[name].std) if name in forces else "" for name in joints),
+                    fixed(phase.start, 3),
+                    fixed(phase.stop, 3),
+                    plain(phase.cycles, 3),
+                    fixed(phase.frequency, 2) if reach_f is None else with_uncertainty(phase.frequency, reach_f),
+                    fixed(100 * phase.damping, 3)
+                    if reach_zeta is None
+                    else with_uncertainty(100 * phase.damping, 100 * reach_zeta),
+                    fixed(phase.misfit_ratio, 2),
+                    fixed(decay.knee, 3) if isfinite(decay.knee) else MISSING,
+                    plain(reach_f, 2),
+                    plain(None if reach_zeta is None else 100 * reach_zeta, 2),
+                )
+            )
     columns = (
         text("Ring-down"),
         text("Phase"),
+        *(f"F_N {name} [N]" for name in joints),
         text("From [s]"),
         text("To [s]"),
         text("Cycles"),
@@ -122,16 +135,37 @@ def _phase_table(decays: Sequence[Decay], book: Book) -> Block:
         text("Exponential over straight"),
         text("Knee [s]"),
     )
+    known = any(decay.frequency_reach is not None for decay in decays)
     return book.table(
         "ring_downs",
         text(
             "Phases of the ring-downs, medians over each; the misfit of an exponential envelope "
             "over that of a straight line is above 1 where friction makes the decay, below 1 "
             "where viscous damping does."
-        ),
-        columns,
-        rows,
+        )
+        + (" " + text("± is half the 95 % interval of f and ζ at one amplitude, as a median too.") if known else ""),
+        (*columns, *(("± f [Hz]", "± ζ [%]") if known else ())),
+        rows if known else [row[:-2] for row in rows],
+        len(columns),
     )
+
+
+def _joints(decay: Decay, runs: Sequence[Run]) -> dict[str, JointForce]:
+    """The normal forces of the run of a ring-down by the names of the joints."""
+    return {
+        joint.joint: joint
+        for run in runs
+        if decay.name == run.id or decay.name.startswith(f"{run.id}, record ")
+        for joint in run.condition.joints
+    }
+
+
+def _reaches(decay: Decay, phase: Phase) -> tuple[float | None, float | None]:
+    """Median half widths of the 95 % intervals of frequency in Hz and damping over a phase, where they are known."""
+    inside = (decay.times >= phase.start) & (decay.times <= phase.stop)
+    both = (decay.frequency_reach, decay.damping_reach)
+    f, zeta = (None if reach is None else float(np.median(reach[inside])) for reach in both)
+    return f, zeta
 
 
 def _curve_table(decays: Sequence[Decay], book: Book) -> Block:
@@ -141,19 +175,23 @@ def _curve_table(decays: Sequence[Decay], book: Book) -> Block:
         for number, decay in enumerate(decays, 1)
         for point in _curve(decay)
     ]
+    columns = (text("Ring-down"), text("Time [s]"), text("Amplitude"), "f [Hz]", "ζ [%]", "± f [Hz]", "± ζ [%]")
+    known = any(decay.frequency_reach is not None for decay in decays)
     return book.table(
         "ring_down_curves",
         text("Frequency and damping over the amplitude, in the unit of the signal."),
-        (text("Ring-down"), text("Time [s]"), text("Amplitude"), "f [Hz]", "ζ [%]"),
-        curves,
+        columns if known else columns[:-2],
+        curves if known else [row[:-2] for row in curves],
         0,
     )
 
 
 def _curve(decay: Decay, most: int = 500) -> np.ndarray:
     step = -(-len(decay.times) // most)
+    unknown = np.full(len(decay.times), np.nan)
+    reaches = [unknown if reach is None else reach for reach in (decay.frequency_reach, decay.damping_reach)]
     values = (decay.times, decay.amplitudes, decay.frequencies, 100 * decay.damping_ratios)
-    return np.column_stack([value[::step] for value in values])
+    return np.column_stack([value[::step] for value in (*values, reaches[0], 100 * reaches[1])])
 
 
 def loops(measured: Sequence[Loop], book: Book) -> list[Block]:

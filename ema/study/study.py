@@ -31,7 +31,7 @@ from ema.file_names import safe_name
 from ema.progress import Progress, advance, silent
 from ema.store.atomic import remove_abandoned
 from ema.study import chain, expectations, friction, kept, mapping, recipe, remote, statements
-from ema.study.recipe import EstimateTable, MapTable, Recipe
+from ema.study.recipe import RELEASE_QUANTITIES, EstimateTable, MapTable, Recipe
 from ema.study.sources import data_of, opened
 
 
@@ -236,8 +236,8 @@ class Study:
             maps = tuple(self._map(campaign, table, data, progress, resume, executor) for table in self.recipe.map)
             stepped = self._stepped(campaign)
             names = [*(run.id for run in runs), *(name for one in maps for name in one.runs)]
-            used = dict.fromkeys([*names, *(mode.name for mode in stepped)])
-            inputs = tuple(print_ for name in used for print_ in data[name])
+            used = dict.fromkeys([*names, *(mode.name for mode in stepped), *self._beside()])
+            inputs = tuple(print_ for name in used if name in data for print_ in data[name])
             stepped += tuple(
                 mode for one in finished for mode in self._ring_downs(one, campaign, data[one.run.id], progress, resume)
             )
@@ -287,6 +287,7 @@ class Study:
                 *(one.run.id for one in result.runs),
                 *(name for one in result.maps for name in one.runs),
                 *(mode.name for mode in result.amplitude_modes if friction.RING_DOWN not in mode.provenance.steps),
+                *self._beside(),
             ]
         )
         if not used.keys() <= data.keys():
@@ -306,6 +307,13 @@ class Study:
         mapped |= {one.run for one in self.recipe.ring_down} | {one.run for one in self.recipe.loop}
         free = {run.id for run in campaign.runs if run.levels or (run.kind == "snap-back" and not run.frfs)}
         return tuple(run for run in campaign.runs if run.id not in mapped | free)
+
+    def _beside(self) -> list[str]:
+        """The runs of ring-downs, loops and releases that statements are about."""
+        settings = self.recipe
+        about = [one for one in settings.statements if one.quantity in RELEASE_QUANTITIES]
+        names = [one.run for one in (*settings.ring_down, *settings.loop)]
+        return [*names, *(name for one in about for name in (one.run, one.other) if name)]
 
     def _stepped(self, campaign: Campaign) -> tuple[AmplitudeDependentMode, ...]:
         """The modes over their amplitude of the runs of stepped levels."""

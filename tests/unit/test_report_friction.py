@@ -10,11 +10,12 @@ import pytest
 
 import ema.report
 from ema import examples, show
-from ema.data import FrfSet, StudyResult
+from ema.data import Condition, FrfSet, JointForce, Run, StudyResult
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.report.blocks import Book
 from ema.report.change import _common
-from ema.report.friction import ring_down_sentences
+from ema.report.friction import ring_down_sentences, ring_downs
 from ema.report.pictures import drawn
 from ema.report.placement import answer as placement_answer
 from ema.show.placement import seen_edges
@@ -147,6 +148,21 @@ def test_ring_downs_have_phases_knee_and_curves(page: Page):
     curve = [row for row in rows(folder, "ring_down_curves") if row["Ring-down"] == "release 1"]
     assert len(curve) == 500 and float(curve[0]["Amplitude"]) == pytest.approx(1e-3)
     assert EVIL in page.text and "<script>alert" not in page.source
+
+
+def test_phases_have_intervals_and_the_normal_forces_of_their_runs():
+    known = replace(decay("release, record 2"), frequency_reach=np.full(2000, 0.12), damping_reach=np.full(2000, 4e-4))
+    runs = (
+        Run("release", Condition(joints=(JointForce("J1", mean=505.0, std=1.0), JointForce("J2")))),
+        Run("other", Condition(joints=(JointForce("J3", mean=1.0, std=0.1),))),
+    )
+    *_, phases, curves = ring_downs((known, decay("free")), Book(), runs)
+    assert phases.columns[2:4] == ("F_N J1 [N]", "F_N J2 [N]") and phases.columns[-2:] == ("± f [Hz]", "± ζ [%]")
+    pressed, _, free, _ = ([str(cell) for cell in row] for row in phases.rows)
+    assert pressed[2:4] == ["505.0 ± 1.0", "unknown"] and free[2:4] == ["", ""]
+    assert pressed[7:9] == ["16.70 ± 0.12", "4.300 ± 0.040"] and free[7:9] == ["16.70", "4.300"]
+    assert pressed[-2:] == ["0.12", "0.040"] and phases.shown == len(phases.columns) - 2
+    assert [str(cell) for cell in curves.rows[0][-2:]] == ["0.120000", "0.0400000"]
 
 
 def test_loops_have_their_energy(page: Page):

@@ -71,6 +71,12 @@ def test_ring_downs_and_loops_of_a_recipe(released: Path, without_report: None):
     assert result.campaign.logo.endswith("logo.png")
     held = store.load(released.parent / "_build" / "study.h5")
     assert held.decays[0].name == "release" and held.loops[0].area == loop.area
+    assert {"release.h5", "cycles.h5"} <= {Path(name).name for name, _ in result.provenance.inputs}
+    study = ema.Study.load(released)
+    assert study.is_current(held, study.open())
+    cycles = released.parent / "campaign" / "data" / "cycles.h5"
+    cycles.write_bytes(cycles.with_name("release.h5").read_bytes())
+    assert not study.is_current(held, study.open()), "the record of the loop was replaced"
 
 
 def test_what_the_recipe_cannot_mean(released: Path, without_report: None):
