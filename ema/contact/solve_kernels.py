@@ -138,7 +138,7 @@ def solve(laws, problem, displacements, exchange, states, memory):
         evaluate(laws, rate, exchange, before, after)
         worst, slope = rests(exchange, x, change, rest)
         worst = np.sqrt(worst) * norm
-        if worst <= tolerance * size:
+        if not worst > tolerance * size:  # nor where it is no number
             break
         if start < 0.0 and abs(slope) > _FLAT * abs(start) and high - low > 1e-9:
             if slope < 0.0:

@@ -58,8 +58,14 @@ class EnergyBalance(Container):
 
     @property
     def error(self) -> float:
-        """Largest imbalance over the run, relative to the initial energy or, from rest, to the largest energy."""
-        balance = self.total + self.friction + self.damping + self.projection - self.supplied
+        """Largest imbalance over the run, relative to the initial energy or, from rest, to the largest energy.
+
+        Infinite where an energy is not finite.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            balance = self.total + self.friction + self.damping + self.projection - self.supplied
+        if not np.all(np.isfinite(balance)):
+            return float("inf")
         scale = self.total[0] if self.total[0] > 1e-3 * self.total.max() else self.total.max()
         return float(np.max(np.abs(balance - balance[0])) / scale) if scale > 0 else 0.0
 

@@ -7,7 +7,7 @@ with it; the energy lost there is booked as ``projection``.
 
 from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,10 +25,11 @@ from ema.simulate.transient import (
     _initial,
     _response,
     _State,
+    check_finite,
     prepare,
     refined,
     released,
-    step_findings,
+    with_error,
 )
 
 
@@ -217,6 +218,8 @@ def controlled_snapback(
     ------
     InputError
         If the law returns NaN or the wrong number of forces, or a time is not positive.
+    FailureError
+        If the motion is not finite, however short the steps.
 
     Examples
     --------
@@ -257,12 +260,12 @@ def controlled_snapback(
         return np.asarray(run.displacements), run
 
     if not check:
-        return attempt(1)[1]
+        single = attempt(1)[1]
+        check_finite(single, problem.system)
+        return single
     response, error = refined(attempt, tolerance, _HALVINGS)
-    slow = step_findings(
-        error, model.name, tolerance, "Raise the tolerance, or keep the law from following high waves."
-    )
-    return replace(response, error_estimate=error, findings=(*response.findings, *slow))
+    advice = "Raise the tolerance, or keep the law from following high waves."
+    return with_error(response, problem.system, error, tolerance, advice)
 
 
 class _Controlled(NamedTuple):
@@ -304,7 +307,7 @@ class _Controlled(NamedTuple):
         times = self.actuator.sampling_time * np.arange(samples + 1)
         run = {name: np.concatenate([part[name] for part in runs]) for name in runs[0]}
         drive = Drive(times, normal_forces=acting)
-        return _response(self.problem, drive, run, stepper, self.actuator.sampling_time, float("nan"), 1.0)
+        return _response(self.problem, drive, run, stepper, self.actuator.sampling_time)
 
 
 def _wanted(answer: Any, joints: int, actuator: Actuator, where: str, time: float) -> Float[np.ndarray, "joint"]:

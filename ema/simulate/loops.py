@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 from ema.contact.curves import virgin_rate
 from ema.contact.laws import contact_laws
 from ema.data import FrictionLaw, Loop
-from ema.errors import InputError
+from ema.errors import FailureError, InputError
 from ema.simulate.checks import not_negative, positive
 
 _FEWEST = 8
@@ -77,6 +77,8 @@ def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int =
     ------
     InputError
         If a number is not positive, or there are fewer than eight samples.
+    FailureError
+        If the law gives forces that are not finite.
 
     Examples
     --------
@@ -94,6 +96,14 @@ def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int =
     fine = amplitude * np.sin(np.linspace(0, 2 * np.pi, samples + 1) + np.pi / 2)
     turns = amplitude * np.resize([1.0, -1.0], 100_000) if law.name != "lugre" else np.tile(fine[:-1], 20)
     forces = drive(law, np.concatenate([[0.0], turns, fine]), normal_force, 1 / (frequency * samples))[-len(fine) :]
+    if not np.all(np.isfinite(forces)):
+        raise FailureError(
+            "the law gives forces that are not finite",
+            where=where,
+            got=f"NaN or infinity at {np.sum(~np.isfinite(forces))} of {len(forces)} samples",
+            expected="finite forces",
+            advice="check the law and its parameters",
+        )
     return Loop(
         fine,
         forces,

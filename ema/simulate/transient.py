@@ -6,7 +6,7 @@ that a result carries its error.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
@@ -16,7 +16,7 @@ from jaxtyping import Float
 from ema.contact.laws import ContactLaws, contact_laws
 from ema.data import BeamModel, EnergyBalance, Finding, Response
 from ema.dof import Dof
-from ema.errors import InputError
+from ema.errors import FailureError, InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import fits_memory, is_number, positive, sample_count, with_unit
 from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
@@ -325,6 +325,7 @@ def solve(
     Raises
     ------
     InputError : duration, rate or tolerance is not positive, or the samples do not fit the memory.
+    FailureError : the motion is not finite with the shortest steps.
     """
     where = problem.system.name
     samples = sample_count(where, duration, sampling_rate)
@@ -343,7 +344,8 @@ def solve(
         return run["q"] @ rows.T, (run, stepper)
 
     (run, stepper), error = refined(attempt, tolerance, _HALVINGS)
-    return _response(problem, drive, run, stepper, interval, error, tolerance)
+    response = _response(problem, drive, run, stepper, interval)
+    return with_error(response, problem.system, error, tolerance, "Raise the tolerance, or use the reference mode.")
 
 
 def refined(
@@ -352,19 +354,61 @@ def refined(
     """The result of ``attempt`` with 1, 2, 4 ... times as many steps, once the motions it returns with it agree.
 
     Returns the last result and its estimated error over the largest displacement, which is above ``tolerance`` where
-    ``halvings`` were not enough.
+    ``halvings`` were not enough, and infinite where one of the last two motions is not finite.
     """
     fine, result = attempt(1)
-    error, halving, difference = np.inf, 0, np.nan
+    error, halving, before, difference = np.inf, 0, np.inf, np.inf
     # one agreement may be chance: a second one shows how fast the runs approach each other
-    while (error > tolerance or (halving < 2 and error > 1e-6 * tolerance)) and halving < halvings:
+    while (error > tolerance or (before == np.inf and error > 1e-6 * tolerance)) and halving < halvings:
         coarse, halving = fine, halving + 1
         fine, result = attempt(2**halving)
-        before, difference = difference, float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
+        before, difference = difference, _difference(fine, coarse)
         # what all further halvings would add, were they to shrink like the last one; a fast one may be chance
-        ratio = min(max(difference / before, 0.6), 0.8) if before > 0 else 0.6
+        ratio = min(max(difference / before, 0.6), 0.8) if 0 < before < np.inf else 0.6
         error = difference * ratio / (1 - ratio)
     return result, error
+
+
+def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
+    """Largest difference of two motions over the largest value of the first; infinite where one is not finite."""
+    if not (np.all(np.isfinite(fine)) and np.all(np.isfinite(coarse))):
+        return float("inf")
+    return float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
+
+
+def with_error(response: Response, system: System, error: float, tolerance: float, advice: str) -> Response:
+    """The response with the estimated error of its displacements, and a finding where that is above ``tolerance``.
+
+    Raises
+    ------
+    FailureError : the response is not finite.
+    """
+    check_finite(response, system)
+    findings = (*response.findings, *_step_findings(error, system.name, tolerance, advice))
+    return replace(response, error_estimate=error, findings=findings)
+
+
+def check_finite(response: Response, system: System) -> None:
+    """Refuse a motion that is not finite, or whose energy is not; names the laws of the largest forces then.
+
+    Raises
+    ------
+    FailureError : as said.
+    """
+    if np.isfinite(response.energy.error) and np.all(np.isfinite(response.displacements)):
+        return
+    lost = ~(np.isfinite(response.energy.total) & np.all(np.isfinite(response.forces), axis=0))
+    lost[-1] = True
+    first = int(np.argmax(lost))
+    sizes = np.nan_to_num(np.abs(response.forces[:, first]), nan=np.inf)
+    largest = sizes.max(initial=0.0)
+    names = sorted({law.name for law, size in zip(system.contacts.laws, sizes) if size == largest})
+    raise FailureError(
+        "the motion is not finite, however short the steps",
+        where=system.name,
+        got=f"NaN or infinity from {response.times[first]:.3g} s on" + "".join(f", law {name}" for name in names),
+        advice="check the parameters of the law, or keep the normal force from jumping",
+    )
 
 
 def _response(
@@ -373,15 +417,13 @@ def _response(
     run: dict[str, np.ndarray],
     stepper: Stepper,
     interval: float,
-    error: float,
-    tolerance: float,
 ) -> Response:
+    """The response of a run, without an estimate of its error."""
     rows = np.array([problem.base.row(problem.system, dof) for dof in problem.outputs])
     names = ("friction", "damping", "projection", "supplied", "contact", "mechanical")
     energy = EnergyBalance(**dict(zip(names, run["energy"].T, strict=True)))
     times = interval * np.arange(len(run["q"]))
     findings = list(problem.findings) + energy_findings(energy, problem.system.name, ENERGY_LIMIT)
-    findings += step_findings(error, problem.system.name, tolerance, "Raise the tolerance, or use the reference mode.")
     friction = slice(0, problem.system.contacts.tangential)
     findings += displacement_findings(problem.system, run["u"][:, friction])
     forces = None
@@ -402,18 +444,17 @@ def _response(
         (stepper.coupled.sliding / steps)[friction],
         energy,
         forces,
-        error,
-        stepper.h,
-        "fast",
-        tuple(findings),
-        problem.system.name,
+        step=stepper.h,
+        method="fast",
+        findings=tuple(findings),
+        name=problem.system.name,
         pressure=pressed,
     )
 
 
-def step_findings(error: float, where: str, tolerance: float, advice: str) -> list[Finding]:
+def _step_findings(error: float, where: str, tolerance: float, advice: str) -> list[Finding]:
     """A finding when the steps could not be made short enough."""
-    if not error > tolerance:
+    if error <= tolerance:
         return []
     return [
         Finding(
@@ -511,6 +552,8 @@ def snapback(
     ------
     InputError
         If the model or a number is not physical, or the structure is not supported.
+    FailureError
+        If the motion is not finite, however short the steps.
 
     References
     ----------
@@ -599,6 +642,8 @@ def respond(
     ------
     InputError
         If the shapes do not fit, a force is not finite, or a normal force is negative.
+    FailureError
+        If the motion is not finite, however short the steps.
 
     Examples
     --------

@@ -1,15 +1,18 @@
 """Steps of the fast mode: exact over any length, whatever the damping, and the same with long strides as without."""
 
+import math
+
 import numpy as np
 import pytest
 
-from ema.data import Damping
+from ema.data import Damping, EnergyBalance
 from ema.dof import Dof
 from ema.elements import Section
-from ema.errors import CancelledError
-from ema.simulate import Masing, double_beam, respond, transient
+from ema.errors import CancelledError, FailureError
+from ema.simulate import Masing, controlled_snapback, double_beam, loop, register_law, respond, transient
+from ema.simulate.control import constant
 from ema.simulate.flow import joint_coefficients, long_coefficients, own_coefficients
-from ema.simulate.transient import Drive, integrate, prepare, released
+from ema.simulate.transient import ENERGY_LIMIT, Drive, energy_findings, integrate, prepare, refined, released
 
 TIP = "beam 2:20:+Z"
 
@@ -103,3 +106,50 @@ def test_strides_wait_for_the_end_of_a_pulse():
     np.testing.assert_allclose(
         run.displacements[0], closely.displacements[0][::32], atol=3e-4 * np.abs(run.displacements).max()
     )
+
+
+def test_a_balance_with_a_number_that_is_none_is_off():
+    """A run that begins well and ends as NaN, or so large that its energy is infinite."""
+    books = {name: np.zeros(3) for name in ("contact", "friction", "damping", "projection", "supplied")}
+    for end in (np.nan, np.inf, -np.inf):
+        energy = EnergyBalance(mechanical=np.array([1.0, 1.0, end]), **books)
+        (finding,) = energy_findings(energy, "beam", ENERGY_LIMIT)
+        assert energy.error == np.inf and finding.value == np.inf
+    assert EnergyBalance(mechanical=np.zeros(3), **books | {"friction": np.array([0.0, 0.0, np.nan])}).error == np.inf
+
+
+@pytest.mark.parametrize("lost", [np.nan, np.inf])
+def test_runs_that_are_not_finite_are_refined(lost):
+    """The first two of them diverge; then the error is that of a method of second order, two of whose runs agree."""
+    counts = []
+
+    def attempt(finer):
+        counts.append(finer)
+        return np.array([1.0, 1.0 + 0.01 / finer**2 if finer > 2 else lost]), finer
+
+    result, error = refined(attempt, 1e-3, 9)
+    assert counts == [1, 2, 4, 8, 16] and result == 16
+    assert 0.01 / 16**2 <= error <= 1e-3
+    assert refined(lambda finer: (np.array([lost]), finer), 1e-3, 3) == (8, np.inf)
+
+
+def test_a_motion_that_is_not_finite_is_refused():
+    """A law that ends as NaN once half the slip force is reached, and is elastic before."""
+
+    def breaking(force, du, k, limit, p0, p1, p2, p3):
+        after = force + k * du
+        return after if abs(after) < 0.5 * limit else math.nan
+
+    law = register_law("breaking", breaking)(0.3, 1e9)
+    model, tip = double_beam(law, 1000.0, Section(0.5, 0.04, 0.005, elements=4)), "beam 2:4:+Z"
+    push = 60.0 * np.sin(700.0 * np.arange(41) / 5000.0)[None]
+    words = r"the motion is not finite, however short the steps; got NaN .* from 0\.0.* s on, law breaking;"
+    assert respond(model, 1e-3 * push, [tip], 5000.0, [tip]).energy.error <= 1e-9
+    with pytest.raises(FailureError, match=words):
+        respond(model, 1e3 * push, [tip], 5000.0, [tip])
+    for check in (True, False):
+        with pytest.raises(FailureError, match="law breaking"):
+            controlled_snapback(model, constant(1e-3), 1.0, tip, duration=0.01, start_force=1e6, check=check)
+    with pytest.raises(FailureError, match=r"law breaking: the law gives forces that are not finite; got NaN"):
+        loop(law, 1000.0, 1e-5)
+    assert np.isfinite(loop(law, 1000.0, 1e-9).area)
