@@ -85,9 +85,15 @@ class Solution:
 
 
 def bordered_newton(
-    equations: Equations, amplitudes: Float[np.ndarray, "contact size"], unknowns: Float[np.ndarray, "unknown"]
+    equations: Equations,
+    amplitudes: Float[np.ndarray, "contact size"],
+    unknowns: Float[np.ndarray, "unknown"],
+    least: float = 1e-300,
 ) -> Solution | None:
-    """Solve the equations from a start, with step halving; ``None`` where that fails."""
+    """Solve the equations from a start, with step halving; ``None`` where that fails.
+
+    What the contacts' equations leave counts over the size of their motion, or over ``least`` m where that is larger.
+    """
     condensed = equations.condensed
     here, at = np.ascontiguousarray(amplitudes), np.asarray(unknowns, dtype=float)
     step, change, length, best, steps = np.zeros_like(here), np.zeros_like(at), 1.0, np.inf, 0
@@ -95,7 +101,7 @@ def bordered_newton(
     while True:
         forces, jacobian, lost, slips = equations.contact_forces(trial, trial_at)
         rest, open_conditions = equations.rest(trial, forces, trial_at), equations.conditions(trial, forces, trial_at)
-        size = max(float(np.linalg.norm(trial)), 1e-300)
+        size = max(float(np.linalg.norm(trial)), least)
         merit = float(np.linalg.norm(rest)) / size + float(np.linalg.norm(open_conditions))
         if merit <= condensed.accuracy:
             return Solution(trial, trial_at, forces, lost, slips)

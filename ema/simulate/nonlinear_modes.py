@@ -31,6 +31,9 @@ from ema.simulate.harmonic import (
 
 _LINEAR = 0.3
 """Share of the amplitude at which the first contact could slip or part, at which the mode is begun as a linear one."""
+_UNMOVED = 1e-9
+"""Slip of a contact over that in all modes together, in which each has an amplitude of 1, up to which a mode does not
+move it: rounding of the shapes. A sticking contact that is a million times as stiff as the mode slips 1e-6."""
 _WIDEST_STEP, _NARROWEST_STEP = 3.0, 1.004
 """Ratios of neighbouring amplitudes: the largest that is tried, and the smallest before a level counts as unsolved.
 They bound the work; no sensitivity to them was measured."""
@@ -175,8 +178,8 @@ def _linear_mode(condensed: Condensed, near: float) -> tuple[_FreeMotion, Soluti
     mode = int(np.argmax(np.abs(shape)))
     shape = shape * np.sign(shape[mode])
     slip = base.slip @ shape
-    reach = condensed.stiffness * np.abs(slip)
-    amplitude = _LINEAR * float((room[room > 0] / np.maximum(reach[room > 0], 1e-300)).min(initial=np.inf))
+    moved = (room > 0) & (np.abs(slip) > _UNMOVED * np.linalg.norm(base.slip, axis=1))
+    amplitude = _LINEAR * float((room[moved] / (condensed.stiffness * np.abs(slip))[moved]).min(initial=np.inf))
     if not np.isfinite(amplitude):
         amplitude = 1.0
     damping = base.decay * shape if base.damping is None else base.damping @ shape
@@ -195,8 +198,9 @@ def _scaled(solution: Solution, ratio: float, count: int) -> tuple[np.ndarray, n
 def _solved(motion: _FreeMotion, amplitudes: np.ndarray, unknowns: np.ndarray) -> Solution | None:
     """Solution with forces integrated as finely as they ask for."""
     condensed = motion.condensed
+    least = _UNMOVED * motion.modal_amplitude * float(np.linalg.norm(condensed.problem.base.slip))
     while True:
-        found = bordered_newton(motion, amplitudes, unknowns)
+        found = bordered_newton(motion, amplitudes, unknowns, least)
         if found is None or condensed.exact or not found.slips.any() or condensed.fine >= FINEST:
             return found
         lost, blur = condensed.refined(found.amplitudes, found.forces, found.lost, float(found.unknowns[0]))

@@ -241,3 +241,27 @@ def test_bad_input_is_one_sentence(change, words):
     arguments = {"amplitudes": [1e-3], "near": 30.0, "outputs": ["beam 2:2:+Z"]} | change
     with pytest.raises(InputError, match=words):
         backbone(double_beam(Masing(0.3, 1e9), 100.0, Section(0.5, 0.04, 0.005, elements=2)), **arguments)
+
+
+def two_bodies(law, first, second):
+    """Two bodies of 2 kg on springs along X and Y, a contact between them along X, damped in proportion to mass."""
+
+    def body(stiffness, group=""):
+        dofs = tuple(Dof(1, axis, group) for axis in ("+X", "+Y", "+Z"))
+        return Matrices(2.0 * np.eye(3), np.diag([*stiffness, 1e5]), dofs)
+
+    joint = Joint("joint", ((1, 1),), (0.0, 0.0), law, 10.0, 1e7, directions=("X",))
+    return BeamModel(body(first), body(second, "beam"), (joint,), Damping(mass_factor=3.0), name="two")
+
+
+@pytest.mark.parametrize("law", [Masing(0.5, 1e6), Dahl(0.5, 1e6), LuGre(0.5, 1e6, bristle_damping=30.0)])
+@pytest.mark.parametrize(("near", "output", "square"), [(52.8, "1:+Y", 1.1e5), (50.3, "1:+X", 1e5)])
+def test_modes_that_no_contact_sees_are_linear(law, near, output, square):
+    """Motion across the contact, and both bodies in phase, whose slip is rounding: at any amplitude the linear mode."""
+    model = two_bodies(law, [2e5, 2.2e5], [2e5, 3e4])
+    mode = backbone(model, [1e-2, 1e-6, 1e2, 1e-4], near=near, outputs=[output])
+    assert not mode.findings
+    np.testing.assert_allclose(mode.frequencies, np.sqrt(square) / (2 * np.pi), rtol=1e-12)
+    np.testing.assert_allclose(mode.damping_ratios, 3.0 / (2 * np.sqrt(square)), rtol=1e-9)
+    shape = np.sqrt(0.5) if output == "1:+Y" else 0.5
+    np.testing.assert_allclose(np.abs(mode.shapes[0]), shape, rtol=1e-9)
