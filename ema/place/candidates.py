@@ -9,8 +9,8 @@ from ema.data.placement import Candidates, FrictionBeam
 from ema.errors import InputError
 from ema.shapes import Surface
 
-_ALONG_BEAM = 9
-"""Points along a beam that must lie on the surface and off the keep-out areas."""
+_ROUNDING = 1e-9
+"""Distance [m] by which rounding may move a coordinate of a few metres: what is that near touches."""
 
 
 def grid(
@@ -34,7 +34,7 @@ def grid(
     angles : sequence of float, optional
         Directions of the beam [rad] from the first axis of the surface.
     keep_out : sequence of array of shape (corner, 2), optional
-        Polygons (corner, 2) [m] in the surface that no part of the beam's axis may touch.
+        Polygons (corner, 2) [m] in the surface that no part of the beam, with its width, may touch.
     margin : float, default 0.0
         Distance [m] that the joints keep from the edge of the measured rectangle.
 
@@ -46,7 +46,7 @@ def grid(
     Raises
     ------
     InputError
-        If there is no beam, no step, or no location is left.
+        If there is no beam, no step, a keep-out area that is no polygon, or no location is left.
 
     Examples
     --------
@@ -74,16 +74,15 @@ def grid(
         )
     axes = [np.linspace(a, b, max(int((b - a) / step) + 1, 1)) if b > a else np.array([a]) for a, b in zip(low, high)]
     points = np.stack([part.ravel() for part in np.meshgrid(*axes, indexing="ij")], axis=1)
+    areas = [_polygon(area) for area in keep_out]
     centres, turned, kinds = [], [], []
     for kind, beam in enumerate(catalogue):
         for angle in angles:
             direction = np.array([np.cos(angle), np.sin(angle)])
-            along = np.linspace(-0.5, 0.5, _ALONG_BEAM) * beam.length
-            axis = points[:, None, :] + along[None, :, None] * direction
             joints = points[:, None, :] + beam.places[None, :, None] * direction
-            good = np.all((joints >= low - 1e-9) & (joints <= high + 1e-9), axis=(1, 2))
-            for area in keep_out:
-                good &= ~np.any(_inside(axis.reshape(-1, 2), np.asarray(area)).reshape(axis.shape[:2]), axis=1)
+            good = np.all((joints >= low - _ROUNDING) & (joints <= high + _ROUNDING), axis=(1, 2))
+            for area in areas:
+                good &= ~_touch(points, angle, (beam.length, beam.width), area)
             centres.append(points[good])
             turned.append(np.full(good.sum(), angle))
             kinds.append(np.full(good.sum(), kind))
@@ -101,22 +100,51 @@ def grid(
     return candidates
 
 
-def _inside(points: Float[np.ndarray, "p 2"], corners: Float[np.ndarray, "corner 2"]) -> Bool[np.ndarray, "p"]:
-    """Whether points lie inside a polygon (crossings of a ray) or on its edge."""
-    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
+def _polygon(area: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "corner 2"]:
+    """Corners of a keep-out area.
+
+    Raises
+    ------
+    InputError : fewer than three corners, or other than two numbers each.
+    """
+    corners = np.asarray(area, dtype=np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.all(np.isfinite(corners)):
         raise InputError(
             "not a keep-out area",
             where="placement",
             got=f"shape {corners.shape}",
             expected="three or more corners (x, y) in m",
         )
-    inside, edge = np.zeros(len(points), bool), np.zeros(len(points), bool)
+    return corners
+
+
+def _touch(
+    centres: Float[np.ndarray, "p 2"],
+    angle: float,
+    sides: tuple[float, float] | Float[np.ndarray, "2"],
+    corners: Float[np.ndarray, "corner 2"],
+) -> Bool[np.ndarray, "p"]:
+    """Whether rectangles about ``centres``, turned by ``angle``, share a point with a polygon.
+
+    A side of the polygon meets the rectangle, or the whole rectangle lies within the polygon.
+    """
+    half = 0.5 * np.asarray(sides) + _ROUNDING
+    cosine, sine = np.cos(angle), np.sin(angle)
+    starts = (corners - centres[:, None]) @ np.array([[cosine, -sine], [sine, cosine]])
+    steps = np.roll(starts, -1, axis=1) - starts
+    # part of each side, from 0 to 1, between both pairs of edges of the rectangle (Liang and Barsky 1984)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossings = (np.array([-half, half])[:, None, None] - starts) / steps
+    first, last = crossings.min(axis=0).max(axis=-1), crossings.max(axis=0).min(axis=-1)
+    meets = np.any(np.maximum(first, 0) <= np.minimum(last, 1), axis=1)
+    return np.asarray(meets | _inside(centres, corners))
+
+
+def _inside(points: Float[np.ndarray, "p 2"], corners: Float[np.ndarray, "corner 2"]) -> Bool[np.ndarray, "p"]:
+    """Whether points lie inside a polygon (crossings of a ray)."""
+    inside = np.zeros(len(points), bool)
     for (x1, y1), (x2, y2) in zip(corners, np.roll(corners, -1, axis=0)):
         crosses = (y1 > points[:, 1]) != (y2 > points[:, 1])
         with np.errstate(divide="ignore", invalid="ignore"):
-            at = x1 + (points[:, 1] - y1) * (x2 - x1) / (y2 - y1)
-        inside ^= crosses & (points[:, 0] < at)
-        side, start = np.array([x2 - x1, y2 - y1]), points - [x1, y1]
-        along = np.clip(start @ side / max(float(side @ side), 1e-300), 0, 1)
-        edge |= np.hypot(*(start - along[:, None] * side).T) < 1e-9
-    return inside | edge
+            inside ^= crosses & (points[:, 0] < x1 + (points[:, 1] - y1) * (x2 - x1) / (y2 - y1))
+    return inside
