@@ -15,6 +15,7 @@ from ema.errors import EmaError
 __all__ = [
     "Axis",
     "Band",
+    "Coordinate",
     "Damping",
     "Density",
     "Ends",
@@ -90,6 +91,7 @@ Axis = Annotated[Literal["X", "Y"], BeforeValidator(_as_axis)]
 Damping = Annotated[float, in_si("damping", plain=True), Field(ge=0)]
 Velocity = Annotated[float, in_si("velocity", plain=True), Field(gt=0)]
 Length = Annotated[float, in_si("displacement"), Field(gt=0)]
+Coordinate = Annotated[float, in_si("displacement")]
 HalfHeight = Annotated[float, in_si("displacement"), Field(ge=0)]
 Modulus = Annotated[float, in_si("pressure"), Field(gt=0)]
 Mass = Annotated[float, in_si("mass"), Field(gt=0)]

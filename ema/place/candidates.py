@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ema.data import Finding
 from ema.data.placement import Candidates, FrictionBeam
 from ema.errors import InputError
 from ema.shapes import Surface
@@ -98,6 +99,30 @@ def grid(
             advice="shorter beams, smaller keep-out areas, or a finer step",
         )
     return candidates
+
+
+def about_keep_out(surface: Surface, keep_out: Sequence[Float[np.ndarray, "corner 2"]]) -> tuple[Finding, ...]:
+    """Keep-out areas that lie beside the measured rectangle: their coordinates are likely those of other axes."""
+    low, high = surface.extent.T
+    findings = []
+    for number, area in enumerate(keep_out, 1):
+        if _touch(0.5 * (low + high)[None], 0.0, high - low, _polygon(area))[0]:
+            continue
+        findings.append(
+            Finding.of(
+                "warning",
+                "keep-out-beside",
+                f"keep_out {number}",
+                "the area lies beside the measured points, which reach from ({x_low}, {y_low}) to ({x_high}, {y_high}) "
+                "m: it keeps nothing out.",
+                advice="Give its corners in the coordinates of the geometry, along the axes of the measured plane.",
+                x_low=f"{low[0]:.3g}",
+                y_low=f"{low[1]:.3g}",
+                x_high=f"{high[0]:.3g}",
+                y_high=f"{high[1]:.3g}",
+            )
+        )
+    return tuple(findings)
 
 
 def _polygon(area: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "corner 2"]:

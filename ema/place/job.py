@@ -13,7 +13,7 @@ from ema.data.placement import Candidates, ControlStudy, Place, Placement, Ranki
 from ema.data.trials import Trials
 from ema.errors import InputError
 from ema.place.bands import ForecastSettings, forecast
-from ema.place.candidates import grid
+from ema.place.candidates import about_keep_out, grid
 from ema.place.conditioning import updated
 from ema.place.control import control_study
 from ema.place.ranking import SearchSettings, search
@@ -108,7 +108,14 @@ def place(
         recipe.keep_out(),
         _warning(verdict),
         study,
-        (*ranking.findings, *recipe.former_names, *hung, *beyond, *_about_verdict(verdict)),
+        (
+            *ranking.findings,
+            *about_keep_out(surface, recipe.keep_out()),
+            *recipe.former_names,
+            *hung,
+            *beyond,
+            *_about_verdict(verdict),
+        ),
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
         geometry,
         predicted,

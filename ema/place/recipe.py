@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from acquisition import law_of
 from acquisition.model_file import LawTable
 from acquisition.quantities import (
+    Coordinate,
     Density,
     Force,
     Forces,
@@ -35,7 +36,8 @@ Near = Annotated[
 ]
 NAN = BeforeValidator(lambda given: None if isinstance(given, float) and given != given else given)
 """The nan of TOML where nothing was read."""
-Corner = Annotated[list[HalfHeight], Field(min_length=2, max_length=2)]
+Corner = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+"""A point in the plane of the surface."""
 
 
 class ObjectiveTable(Table):
@@ -168,7 +170,7 @@ class TrialsTable(Table):
 class PlaceExpectTable(Table):
     """``[expect]`` of a placement within a study: the best place, and how many measured values lie in their bands."""
 
-    centre: Annotated[list[HalfHeight], Field(min_length=2, max_length=2)] | None = None
+    centre: Corner | None = None
     within: Length = 0.03
     normal_force: Annotated[Force, Field(gt=0)] | None = None
     inside: int | None = Field(default=None, ge=0)

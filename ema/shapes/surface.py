@@ -41,7 +41,9 @@ class Surface:
     origin : array of shape (3,)
         A point of the plane [m].
     axes : array of shape (3, 3)
-        Rows are the two directions in the plane (the first along global X where that is possible) and the normal.
+        Rows are the two directions in the plane (the first along global X where that is possible) and the normal. The
+        second and the normal have a positive largest component: coordinates are the global ones in a plane that is
+        parallel to two of the global axes. Of x, z and the normal y the three are left-handed.
     extent : array of shape (2, 2)
         Measured rectangle in the plane [m]: (low, high) of the first and of the second coordinate.
     powers : integer array of shape (term, 2)
@@ -314,13 +316,13 @@ def plane(model: ModalModel, geometry: Geometry) -> Plane:
             advice="select the points of the face",
         )
     normal = turned[2] if spread[1] > FLAT * spread[0] else _common(directions, turned[0], where)
-    normal = normal * (1.0 if normal[np.abs(normal).argmax()] > 0 else -1.0)
+    normal = _positive(normal)
     first = np.eye(3)[0] - normal[0] * normal
     first = first if np.linalg.norm(first) > 0.5 else np.eye(3)[1] - normal[1] * normal
     if spread[1] <= FLAT * spread[0]:
-        first = turned[0] * (1.0 if turned[0][np.abs(turned[0]).argmax()] > 0 else -1.0)
+        first = _positive(turned[0])
     first /= np.linalg.norm(first)
-    axes = np.stack([first, np.cross(normal, first), normal])
+    axes = np.stack([first, _positive(np.cross(normal, first)), normal])
     cosines = directions @ normal
     keep = np.abs(cosines) > 0.9
     if keep.sum() < 6:
@@ -330,6 +332,11 @@ def plane(model: ModalModel, geometry: Geometry) -> Plane:
     origin = mean - axes[:2].T @ (axes[:2] @ mean)
     rows = np.array([[row, 1 / cosine] for (row, _), cosine in zip(usable, cosines, strict=True)])
     return Plane(origin, axes, rows[keep], ((xyz - origin) @ axes[:2].T)[keep])
+
+
+def _positive(direction: np.ndarray) -> np.ndarray:
+    """The direction with a positive largest component; of equal ones, as at 45 deg, the first."""
+    return np.asarray(direction * np.sign(direction[np.round(np.abs(direction), 6).argmax()]))
 
 
 def _common(directions: np.ndarray, along: np.ndarray, where: str) -> np.ndarray:

@@ -1,13 +1,21 @@
 """Where a beam may go on a measured surface: keep-out areas, edges, overhangs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.path import Path
 
 from ema import place
+from ema.data import Geometry, ModalModel
 from ema.data.placement import Candidates, FrictionBeam
+from ema.dof import Dof
 from ema.errors import InputError
-from ema.shapes import Surface
+from ema.examples import plate
+from ema.place.candidates import about_keep_out
+from ema.place.recipe import load
+from ema.shapes import Surface, smooth, with_rigid_body
+from tests.unit.placement_rig import RECIPE
 
 BEAM = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02)
 ALL_AROUND = np.radians([0.0, 30.0, 90.0, 135.0]).tolist()
@@ -85,3 +93,51 @@ def test_a_beam_beside_a_keep_out_area_is_as_far_from_it_as_it_is_wide(surface):
 def test_what_is_no_polygon_is_refused(surface, area):
     with pytest.raises(InputError, match="not a keep-out area"):
         place.grid(surface, [BEAM], 0.05, keep_out=[area])
+
+
+def stood(axis: str, order: list[int]) -> tuple[ModalModel, Geometry]:
+    """The plate of the examples with its x, y, z along other global axes, measured along ``axis``; it hangs freely."""
+    bare, geometry = plate()
+    dofs, inputs = (tuple(Dof(dof.node, axis) for dof in group) for group in (bare.dofs, bare.inputs))
+    turned = Geometry(geometry.nodes, geometry.xyz[:, order])
+    return with_rigid_body(replace(bare, dofs=dofs, inputs=inputs), turned, mass=2.0)[0], turned
+
+
+@pytest.mark.parametrize(("axis", "order"), [("+Y", [0, 2, 1]), ("+X", [2, 0, 1])])
+def test_an_upright_plate_has_the_surface_and_the_places_of_a_flat_one(axis, order):
+    """With the same area kept free, in the same two coordinates: all that is predicted comes from these."""
+    area = np.array([[0.0, 0.0], [0.6, 0.0], [0.6, 0.1], [0.2, 0.15]])
+    beam = FrictionBeam(0.2, 0.02, 0.01, overhang=0.01)
+    flat, upright = (smooth(*one) for one in (stood("+Z", [0, 1, 2]), stood(axis, order)))
+    assert upright.extent == pytest.approx(flat.extent) and upright.points == pytest.approx(flat.points)
+    assert upright.coefficients == pytest.approx(flat.coefficients, rel=1e-6, abs=1e-9)
+    here, there = (place.grid(one, [beam], 0.05, ALL_AROUND, keep_out=[area]) for one in (flat, upright))
+    assert there.centres == pytest.approx(here.centres) and there.angles.tolist() == here.angles.tolist()
+    assert 0 < len(here) < len(place.grid(flat, [beam], 0.05, ALL_AROUND))
+
+
+def test_an_area_beside_the_measured_points_is_named(surface):
+    """One that touches them from the outside keeps beams off, and so does one that contains them all."""
+    square = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
+    beside, touching, around = square - np.array([0.3, 0.0]), square + np.array([0.6, 0.4]), 20 * (square - 0.05)
+    assert about_keep_out(surface, [square, touching, around]) == ()
+    (finding,) = about_keep_out(surface, [square, beside])
+    assert (finding.severity, finding.code, finding.where) == ("warning", "keep-out-beside", "keep_out 2")
+    assert "from (0, 0) to (0.6, 0.4) m" in finding.message
+
+
+def test_coordinates_of_a_plate_about_the_origin_are_read(tmp_path):
+    """Lengths with a sign: corners of areas, where a test was done, where the best place is expected."""
+    text = (
+        RECIPE
+        + 'keep_out = [[["-0.3 m", "-0.2 m"], ["0 m", "-0.2 m"], ["0 m", "0 mm"]]]\n'
+        + '[forecast]\nnormal_force = ["60 N"]\n[expect]\ncentre = ["-100 mm", "0.1 m"]\n'
+        + '[[trials.done]]\nforce = "15 N"\nnormal_force = "60 N"\nfrequency = ["490 Hz"]\ncentre = ["0.1 m", "-0.1 m"]\n'
+    )
+    (tmp_path / "place.toml").write_text(text, encoding="utf-8")
+    recipe = load(tmp_path / "place.toml")
+    assert recipe.keep_out()[0].tolist() == [[-0.3, -0.2], [0.0, -0.2], [0.0, 0.0]]
+    assert recipe.trials.done[0].centre == [0.1, -0.1] and recipe.expect.centre == [-0.1, 0.1]
+    (tmp_path / "place.toml").write_text(RECIPE.replace('"20 mm"', '"-20 mm"'), encoding="utf-8")
+    with pytest.raises(InputError, match="overhang: input should be greater than or equal to 0"):
+        load(tmp_path / "place.toml")

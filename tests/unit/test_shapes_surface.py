@@ -136,6 +136,46 @@ def test_direction_and_plane_in_space(plate):
     assert np.abs(upright.values(place[None])[0]) == pytest.approx(np.abs(flat.values(middle)[0]), rel=1e-6)
 
 
+def along(plate, first, second, normal):
+    """Noise-free shapes of the plate with its sides along two directions, measured along the third."""
+    model, geometry = measured(plate, 0.0)
+    xyz = geometry.xyz @ np.stack([first, second, normal])
+    axis = "+" + "XYZ"[int(np.argmax(np.abs(normal)))]
+    dofs = tuple(Dof(dof.node, axis) for dof in model.dofs)
+    return ModalModel(model.poles, -model.shapes, dofs, model.participation, dofs[:1]), Geometry(geometry.nodes, xyz)
+
+
+@pytest.mark.parametrize("names", ["xy", "xz", "yz", "yx", "zx", "zy"])
+@pytest.mark.parametrize("shift", [0.0, -0.7])
+def test_coordinates_in_a_plane_of_the_global_axes_are_the_global_ones(plate, names, shift):
+    """Along x, y or z as they are, and a deflection along the positive direction that was measured is positive."""
+    unit = dict(zip("xyz", np.eye(3)))
+    (normal,) = set("xyz") - set(names)
+    model, geometry = along(plate, unit[names[0]], unit[names[1]], unit[normal])
+    geometry = Geometry(geometry.nodes, geometry.xyz + shift)
+    surface = shapes.smooth(model, geometry)
+    columns = sorted("xyz".index(name) for name in names)
+    assert surface.axes == pytest.approx(np.stack([*np.eye(3)[columns], unit[normal]]), abs=1e-12)
+    assert surface.points == pytest.approx(geometry.xyz[:, columns], abs=1e-12)
+    assert surface.extent == pytest.approx(
+        np.stack([geometry.xyz[:, columns].min(axis=0), geometry.xyz[:, columns].max(axis=0)], axis=1)
+    )
+    measured_shapes = np.real(model.shapes)
+    assert np.linalg.norm(surface.values(surface.points) - measured_shapes) < 0.01 * np.linalg.norm(measured_shapes)
+
+
+@pytest.mark.parametrize("degrees", [1, 30, 44, 45, 46, 60, 89, 135])
+def test_heights_on_a_slanted_plate_count_upward_or_to_the_back(plate, degrees):
+    """The second axis has a positive largest component, the first is x; at 45 deg rounding decides nothing."""
+    slope = np.radians(degrees)
+    second, normal = np.array([0, np.cos(slope), np.sin(slope)]), np.array([0, -np.sin(slope), np.cos(slope)])
+    for change in (0.0, 1e-12, -1e-12):
+        model, geometry = measured(plate, 0.0, turned=np.stack([[1.0, change, 0.0], second, normal], axis=1))
+        axes = shapes.smooth(model, geometry).axes
+        assert axes[0] == pytest.approx([1, 0, 0], abs=1e-9)
+        assert axes[1] == pytest.approx(second * (1 if second[1] > -second[2] + 1e-9 else -1), abs=1e-9)
+
+
 def test_a_row_of_points_is_a_line():
     x = np.linspace(0, 1, 15)
     geometry = Geometry(np.arange(1, 16), np.stack([x, 0 * x, 0 * x], axis=1))
