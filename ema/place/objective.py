@@ -9,7 +9,9 @@ from jaxtyping import Float, Int
 from ema.data.placement import Prediction
 from ema.errors import InputError
 
-AIMS = ("damping", "least damping", "geometric mean", "peak reduction", "chatter")
+IN_DECIBELS = ("peak reduction", "chatter")
+"""Aims in dB above the bare structure; the others are damping ratios."""
+AIMS = ("damping", "least damping", "geometric mean", *IN_DECIBELS)
 
 
 @dataclass(frozen=True)
@@ -54,19 +56,32 @@ def scores(prediction: Prediction, objective: Objective) -> Float[np.ndarray, "c
     ------
     InputError : an unknown aim, or weights that do not fit the modes.
     """
-    values = np.asarray(prediction.damping)
-    if objective.aim == "damping":
-        joined = np.einsum("cmlf,m->clf", values, _weights(objective, len(prediction.modes)))
-    elif objective.aim == "least damping":
-        joined = values.min(axis=1)
-    elif objective.aim == "geometric mean":
-        joined = np.exp(np.mean(np.log(np.maximum(values, 1e-12)), axis=1))
-    elif objective.aim in ("peak reduction", "chatter"):
+    if objective.aim in IN_DECIBELS:
         joined = _decibels(prediction, objective.aim == "chatter")
     else:
-        raise InputError("not an aim of a placement", where="objective", got=objective.aim, expected=", ".join(AIMS))
+        joined = _of_modes(np.asarray(prediction.damping), objective)
     over = joined.min(axis=1) if objective.over_levels == "least" else joined.mean(axis=1)
     return np.where(np.isfinite(over), over, -np.inf)
+
+
+def of_bare(prediction: Prediction, objective: Objective) -> float:
+    """Value of the objective without the beam: of the damping of the bare modes, or 0 dB."""
+    if objective.aim in IN_DECIBELS:
+        return 0.0
+    return float(_of_modes(prediction.bare_damping[None, :, None, None], objective)[0, 0, 0])
+
+
+def _of_modes(
+    damping: Float[np.ndarray, "candidate mode level force"], objective: Objective
+) -> Float[np.ndarray, "candidate level force"]:
+    """Value of the damping of all modes."""
+    if objective.aim == "damping":
+        return np.asarray(np.einsum("cmlf,m->clf", damping, _weights(objective, damping.shape[1])))
+    if objective.aim == "least damping":
+        return np.asarray(damping.min(axis=1))
+    if objective.aim == "geometric mean":
+        return np.asarray(np.exp(np.mean(np.log(np.maximum(damping, 1e-12)), axis=1)))
+    raise InputError("not an aim of a placement", where="objective", got=objective.aim, expected=", ".join(AIMS))
 
 
 def _decibels(prediction: Prediction, chatter: bool) -> Float[np.ndarray, "candidate level force"]:

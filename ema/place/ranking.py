@@ -14,7 +14,7 @@ from ema.errors import InputError
 from ema.messages import mark
 from ema.place.flags import about_holes, about_points, flags, shifts
 from ema.place.intervals import samples
-from ema.place.objective import Objective, of_rows, recommended_forces, scores
+from ema.place.objective import IN_DECIBELS, Objective, of_bare, of_rows, recommended_forces, scores
 from ema.place.predictor import motions, predict
 from ema.place.shortlist import KeptPlaces, verify
 from ema.place.task import Task
@@ -112,7 +112,12 @@ def rank(
     total = scores(prediction, wanted).max(axis=1)
     draw = _Draws(draws, seed, progress)
     places = _described(task, wanted, np.arange(len(candidates)), prediction, prediction, keep, draw)
-    findings = (*about_points(task), *about_holes(prediction), *_about_range(task, places))
+    findings = (
+        *about_points(task),
+        *about_holes(prediction),
+        *_about_range(task, places),
+        *_about_gain(prediction, wanted, places),
+    )
     return Ranking(str(wanted), prediction, total, places, findings)
 
 
@@ -189,7 +194,13 @@ def search(
         prediction,
         total,
         places,
-        (*about_points(task), *about_holes(prediction), *checked.findings, *_about_range(task, places)),
+        (
+            *about_points(task),
+            *about_holes(prediction),
+            *checked.findings,
+            *_about_range(task, places),
+            *_about_gain(prediction, wanted, places),
+        ),
         tuple(int(row) for row in rows),
         checked,
     )
@@ -213,6 +224,29 @@ def _about_range(task: Task, places: tuple[Place, ...]) -> tuple[Finding, ...]:
             best=f"{best:g}",
             end=end,
             beyond=beyond,
+        ),
+    )
+
+
+def _about_gain(prediction: Prediction, objective: Objective, places: tuple[Place, ...]) -> tuple[Finding, ...]:
+    """Whether no place is better than the bare structure."""
+    bare = of_bare(prediction, objective)
+    best = max((one.score for one in places), default=np.inf)
+    if best > bare:
+        return ()
+    scale, unit = (1.0, "dB") if objective.aim in IN_DECIBELS else (100.0, "%")
+    return (
+        Finding.of(
+            "warning",
+            "no-gain",
+            "placement",
+            "the objective is {best} {unit} at the best place and {bare} {unit} without the beam.",
+            best,
+            bare,
+            advice="Ask for other normal forces, or take another beam.",
+            best=f"{scale * best:.4g}",
+            bare=f"{scale * bare:.4g}",
+            unit=unit,
         ),
     )
 

@@ -11,6 +11,7 @@ from ema.data.placement import Place, Placement
 from ema.dof import Dof
 from ema.messages import mark, text, word
 from ema.messages.lists import listed
+from ema.place.objective import IN_DECIBELS
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
 from ema.report.numbers import plain, short
@@ -36,6 +37,15 @@ _WORDS = (
     mark("chatter, mean over the force levels"),
 )
 """Heads and rows of the table of controlled forces, and objectives of all modes alike, as data say them."""
+_NO_GAIN = {
+    "damping": mark("No place raises the damping of {modes}:"),
+    "mean damping": mark("No place raises the mean damping of {modes}:"),
+    "least damping": mark("No place raises the least damping of {modes}:"),
+    "geometric mean": mark("No place raises the geometric mean of the damping of {modes}:"),
+    "peak reduction": mark("No place lowers the highest peak of {modes}:"),
+    "chatter": mark("No place raises the most negative real part of {modes}:"),
+}
+"""What a placement says first whose best place is not better than the bare structure, by its aim."""
 _LINES = 4000
 """Frequencies of a drawn FRF."""
 _BESIDE = 0.12
@@ -221,14 +231,18 @@ def answer(placement: Placement) -> str:
     ranking, best = placement.ranking, placement.best
     joints = ranking.prediction.candidates.joints(best.candidate)
     spots = listed([f"({x:.3f}, {y:.3f}) m" for x, y in joints])
-    sentences = [
-        text(
-            "Bolt {beam} at {spots} and press every joint with {force} N.",
-            beam=best.beam,
-            spots=spots,
-            force=f"{best.normal_force:.3g}",
+    force = f"{best.normal_force:.3g}"
+    if any(finding.code == "no-gain" for finding in ranking.findings):
+        first = text(
+            "the best is {beam} at {spots} with {force} N in every joint.", beam=best.beam, spots=spots, force=force
         )
-    ]
+        sentences = [_no_gain(placement), first]
+    else:
+        sentences = [
+            text(
+                "Bolt {beam} at {spots} and press every joint with {force} N.", beam=best.beam, spots=spots, force=force
+            )
+        ]
     for m, mode in enumerate(ranking.prediction.modes):
         row = int(np.nanargmin(best.damping[m]))
         bounds = (
@@ -255,6 +269,16 @@ def answer(placement: Placement) -> str:
             )
         )
     return " ".join(sentences)
+
+
+def _no_gain(placement: Placement) -> str:
+    """That no place is better than the bare structure, up to a colon."""
+    aim, modes = placement.ranking.objective.partition(", ")[0], placement.ranking.prediction.modes
+    if aim not in IN_DECIBELS and len(modes) == 1:
+        aim = "damping"
+    elif aim == "damping":
+        aim = "mean damping"
+    return text(_NO_GAIN[aim], modes=listed([text("mode {mode}", mode=mode + 1) for mode in modes]))
 
 
 def _shifts(bare: float, loaded: float, mass: float, joints: float) -> str:

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from ema import place, shapes, simulate
-from ema.data import FrictionLaw, Geometry, ModalModel
+from ema.data import Finding, FrictionLaw, Geometry, ModalModel
 from ema.data.modal import poles_from
-from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
+from ema.data.placement import BoltedJoint, Candidates, FrictionBeam, Placement, Ranking
 from ema.datasets.free_plate import BendingStiffness, free_plate
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.place.describing import START, STEP, masing_secant, secant_table
 from ema.place.predictor import beam_matrices
+from ema.report.placement import answer
 
 LENGTH, WIDTH = 0.9, 0.5
 BEAM = FrictionBeam(0.3, 0.06, 0.05, overhang=0.02, name="steel 60 x 50")
@@ -119,6 +120,41 @@ def test_a_best_normal_force_at_the_end_of_those_asked_is_named(table):
     assert f"{wide[best - 2]:g} N, is the largest" in below and "a larger one" in below
     assert f"{wide[best + 2]:g} N, is the smallest" in above and "a smaller one" in above
     assert named(wide[best : best + 1]) == []
+
+
+@pytest.mark.parametrize(
+    ("aim", "modes", "words"),
+    [
+        ("damping", (0,), "raises the damping of mode 1"),
+        ("damping", (0, 1), "raises the mean damping of mode 1 and mode 2"),
+        ("least damping", (1,), "raises the damping of mode 2"),
+        ("least damping", (0, 1), "raises the least damping of mode 1 and mode 2"),
+        ("geometric mean", (0, 1), "raises the geometric mean of the damping of mode 1 and mode 2"),
+        ("peak reduction", (0,), "lowers the highest peak of mode 1"),
+    ],
+)
+def test_an_aim_that_no_place_reaches_is_named(table, aim, modes, words):
+    """Joints pressed with next to nothing slide without loss: the mass of the beam alone lowers the damping. With the
+    normal forces of the other tests every aim is reached."""
+    bare, surface = table
+    here = Candidates(np.array([[0.3, 0.06], [0.45, 0.25]]), np.zeros(2), np.zeros(2, int), (BEAM,))
+    wanted = place.Objective(aim)
+
+    def named(forces: list[float]) -> tuple[Ranking, list[Finding]]:
+        task = place.Task(bare, surface, JOINT, bare.dofs[-1], np.array([15.0, 30.0]), np.array(forces), modes)
+        ranked = place.rank(task, here, wanted, draws=0)
+        return ranked, [one for one in ranked.findings if one.code == "no-gain"]
+
+    ranked, (finding,) = named([0.01, 0.02])
+    expected = 0.0 if aim == "peak reduction" else 0.00638
+    assert finding.severity == "warning" and finding.limit == pytest.approx(expected, rel=1e-6)
+    assert finding.value == ranked.best.score <= finding.limit
+    said = answer(Placement("t", ranked, np.zeros(3), np.eye(3), surface.extent, surface.points))
+    assert said.startswith(f"No place {words}: the best is steel 60 x 50 at (")
+    ranked, none = named([60.0, 120.0, 240.0])
+    assert none == [] and ranked.best.score > expected
+    said = answer(Placement("t", ranked, np.zeros(3), np.eye(3), surface.extent, surface.points))
+    assert said.startswith("Bolt ")
 
 
 @pytest.mark.parametrize("friction_std", [0.02, 0.3])
