@@ -10,7 +10,7 @@ from ema.data.placement import Candidates, FrictionBeam
 from ema.errors import InputError
 from ema.shapes import Surface
 
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Distance [m] by which rounding may move a coordinate of a few metres: what is that near touches."""
 
 
@@ -22,7 +22,9 @@ def grid(
     keep_out: Sequence[Float[np.ndarray, "corner 2"]] = (),
     margin: float = 0.0,
 ) -> Candidates:
-    """Lay candidate locations on a grid over the measured rectangle, where the whole beam lies on it.
+    """Lay candidate locations on a grid over the measured rectangle, where all joints of the beam lie on it.
+
+    Beyond its outer joints, by its overhang, a beam may stick out.
 
     Parameters
     ----------
@@ -81,7 +83,7 @@ def grid(
         for angle in angles:
             direction = np.array([np.cos(angle), np.sin(angle)])
             joints = points[:, None, :] + beam.places[None, :, None] * direction
-            good = np.all((joints >= low - _ROUNDING) & (joints <= high + _ROUNDING), axis=(1, 2))
+            good = np.all((joints >= low - ROUNDING) & (joints <= high + ROUNDING), axis=(1, 2))
             for area in areas:
                 good &= ~_touch(points, angle, (beam.length, beam.width), area)
             centres.append(points[good])
@@ -153,7 +155,7 @@ def _touch(
 
     A side of the polygon meets the rectangle, or the whole rectangle lies within the polygon.
     """
-    half = 0.5 * np.asarray(sides) + _ROUNDING
+    half = 0.5 * np.asarray(sides) + ROUNDING
     cosine, sine = np.cos(angle), np.sin(angle)
     starts = (corners - centres[:, None]) @ np.array([[cosine, -sine], [sine, cosine]])
     steps = np.roll(starts, -1, axis=1) - starts

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from ema.data import Finding
 from ema.data.placement import Candidates, Prediction
+from ema.place.candidates import ROUNDING
 from ema.place.predictor import beam_matrices, contact_stiffness, motions, normal_stiffness
 from ema.place.task import Task, only
 
@@ -77,10 +78,13 @@ def _resonances(coupled: _Coupled, mode: int, omega: float, stuck: bool) -> tupl
 
 
 def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tuple[Finding, ...]:
-    """Modes that become two resonances, and joints that never slide, for one of the ranked places of ``prediction``."""
+    """What speaks against one of the ranked places of ``prediction``, or is to be known about it.
+
+    Modes that become two resonances, joints that never slide, and a beam that sticks out.
+    """
     coupled = _Coupled.at(task, prediction.candidates, candidate, float(prediction.normal_forces[force]))
     where = f"rank {candidate + 1}"
-    findings = []
+    findings = list(_about_overhang(task, prediction.candidates, candidate))
     for m, mode in enumerate(prediction.modes):
         omega = float(np.abs(task.bare.poles[mode]))
         for stuck in (True, False):
@@ -109,6 +113,29 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
                 )
             )
     return tuple(findings)
+
+
+def _about_overhang(task: Task, candidates: Candidates, candidate: int) -> tuple[Finding, ...]:
+    """Whether an end of the beam lies beyond the measured rectangle."""
+    angle = float(candidates.angles[candidate])
+    half = 0.5 * candidates.catalogue[int(candidates.beams[candidate])].length
+    ends = candidates.centres[candidate] + np.outer([-half, half], [np.cos(angle), np.sin(angle)])
+    low, high = task.surface.extent.T
+    beyond = float(np.maximum(low - ends, ends - high).max())
+    if beyond <= ROUNDING:
+        return ()
+    return (
+        Finding.of(
+            "info",
+            "beam-sticks-out",
+            f"rank {candidate + 1}",
+            "the beam reaches {beyond} m beyond the measured points.",
+            beyond,
+            0.0,
+            advice="Check that it has room there; a margin as long as its overhang keeps it on the measured surface.",
+            beyond=f"{beyond:.3g}",
+        ),
+    )
 
 
 def about_points(task: Task) -> tuple[Finding, ...]:

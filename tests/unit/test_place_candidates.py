@@ -7,8 +7,8 @@ import pytest
 from matplotlib.path import Path
 
 from ema import place
-from ema.data import Geometry, ModalModel
-from ema.data.placement import Candidates, FrictionBeam
+from ema.data import FrictionLaw, Geometry, ModalModel
+from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.examples import plate
@@ -141,3 +141,35 @@ def test_coordinates_of_a_plate_about_the_origin_are_read(tmp_path):
     (tmp_path / "place.toml").write_text(RECIPE.replace('"20 mm"', '"-20 mm"'), encoding="utf-8")
     with pytest.raises(InputError, match="overhang: input should be greater than or equal to 0"):
         load(tmp_path / "place.toml")
+
+
+@pytest.mark.parametrize(
+    ("spacing", "overhang", "centre", "angle", "beyond"),
+    [
+        (0.2, 0.02, (0.3, 0.2), 0.0, 0.0),
+        (0.2, 0.02, (0.12, 0.2), 0.0, 0.0),
+        (0.2, 0.02, (0.1, 0.2), 0.0, 0.02),
+        (0.2, 0.02, (0.1, 0.0), 90.0, 0.12),
+        (0.2, 3.0, (0.3, 0.2), 0.0, 2.8),
+        (0.2, 0.3, (0.5, 0.2), 30.0, 0.5 + 0.4 * np.sqrt(0.75) - 0.6),
+    ],
+)
+def test_a_beam_that_sticks_out_is_named(spacing, overhang, centre, angle, beyond):
+    bare, geometry = plate()
+    beam = FrictionBeam(spacing, 0.02, 0.01, overhang=overhang)
+    joint = BoltedJoint(FrictionLaw("masing", 0.4, 2e7), 1e8, surface_height=0.003)
+    task = place.Task(bare, smooth(bare, geometry), joint, "1:+Z", np.array([10.0]), np.array([50.0]), modes=(0,))
+    here = Candidates(np.array([centre]), np.radians([angle]), np.zeros(1, int), (beam,))
+    findings = [one for one in place.rank(task, here, draws=0).best.findings if one.code == "beam-sticks-out"]
+    assert len(findings) == (beyond > 0)
+    for finding in findings:
+        assert finding.severity == "info" and finding.where == "rank 1"
+        assert finding.value == pytest.approx(beyond) and f"reaches {beyond:.3g} m beyond" in finding.message
+
+
+def test_joints_keep_their_margin_and_the_overhang_may_stick_out(surface):
+    beam = FrictionBeam(0.2, 0.02, 0.01, overhang=3.0)
+    candidates = place.grid(surface, [beam], 0.02, ALL_AROUND, margin=0.03)
+    joints = np.array([candidates.joints(row) for row in range(len(candidates))])
+    assert len(candidates) > 100
+    assert np.all((joints >= 0.03 - 1e-9) & (joints <= np.array([0.57, 0.37]) + 1e-9))
