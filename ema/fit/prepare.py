@@ -32,11 +32,11 @@ class Prepared:
 
 
 def check_statements(frfs: FrfSet) -> None:
-    """Check what is stated with FRFs of their noise, their window and their record.
+    """Check what is stated with FRFs of their window, their record and their lines.
 
     Raises
     ------
-    InputError : a variance, a length, a decay or a number of lines that there is not.
+    InputError : a length, a decay or a number of lines that there is not.
     """
     where = frfs.name or "FRFs"
     if not (np.isfinite(frfs.added_decay) and frfs.added_decay >= 0):
@@ -57,14 +57,6 @@ def check_statements(frfs: FrfSet) -> None:
             where=where,
             got=f"{np.min(effective):g}",
             expected="effective_lines above 0",
-        )
-    if frfs.variance is not None and not frfs.in_file and np.any(np.asarray(frfs.variance) < 0):
-        line, output, input_ = np.argwhere(np.asarray(frfs.variance) < 0)[0]
-        raise InputError(
-            "the variance of an FRF is negative",
-            where=f"{where}, {frfs.label(int(output), int(input_))}, {frfs.frequencies[line]:g} Hz",
-            got=f"{frfs.variance[line, output, input_]:.3g}",
-            expected="0 or more",
         )
 
 
@@ -118,7 +110,11 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
         values = values[:, alive][:, :, driven]
         variance = None if variance is None else variance[:, alive][:, :, driven]
     level = None
-    if variance is not None and np.all(np.isfinite(variance)) and np.all(np.median(variance, axis=0) > 0):
+    if (
+        variance is not None
+        and np.all(np.isfinite(variance) & (variance >= 0))
+        and np.all(np.median(variance, axis=0) > 0)
+    ):
         level = noise.from_variance(np.asarray(variance))
     coherence = None if frfs.coherence is None else np.asarray(frfs.coherence)[frfs.frequencies > 0]
     if level is None and coherence is not None:

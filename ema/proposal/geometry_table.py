@@ -111,7 +111,8 @@ def table_of(
             table["reader"] = {**chosen.facts.reader, "unit": unit}
     if chosen.facts.kind == "named points":
         rows = {str(node): row for node, row in zip(geometry.nodes, geometry.xyz.tolist(), strict=True)}
-        table, comments["nodes"] = {"unit": unit, "nodes": rows}, f"by the numbers in the names of {path}"
+        table = {"unit": unit, "nodes": rows}
+        comments["nodes"] = f"by the numbers in the names of {path}"
     factor = measure(f"1 {unit}")[0]
     geometry = Geometry(geometry.nodes, factor * geometry.xyz, geometry.lines, geometry.faces, geometry.axes)
     findings += positions.findings(geometry, path, unit)

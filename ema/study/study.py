@@ -312,7 +312,7 @@ class Study:
         """The runs of ring-downs, loops and releases that statements are about."""
         settings = self.recipe
         about = [one for one in settings.statements if one.quantity in RELEASE_QUANTITIES]
-        names = [one.run for one in (*settings.ring_down, *settings.loop)]
+        names = [*(one.run for one in settings.ring_down), *(one.run for one in settings.loop)]
         return [*names, *(name for one in about for name in (one.run, one.other) if name)]
 
     def _stepped(self, campaign: Campaign) -> tuple[AmplitudeDependentMode, ...]:
