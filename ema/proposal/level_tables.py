@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise, zip_longest
 from typing import Any
 
-from acquisition.stepped_levels import _SAME_LEVEL
+from acquisition.stepped_levels import SAME_LEVEL
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.proposal.array_layouts import LevelColumns
@@ -47,7 +47,7 @@ def _differ(facts: Sequence[FileFacts]) -> bool:
     """Whether no two files are of one level."""
     control = _kept(facts)
     heights = sorted((one.level or LevelColumns()).height(control) for one in facts)
-    return all(after >= (1 + _SAME_LEVEL) * before for before, after in pairwise(heights))
+    return all(after >= (1 + SAME_LEVEL) * before for before, after in pairwise(heights))
 
 
 def _kept(facts: Sequence[FileFacts]) -> str:
