@@ -40,10 +40,10 @@ def snap_backs(rows: Rows) -> list[str]:
         for name, own in (("friction-ema, fast", row["fast"]), ("friction-ema, reference", row["reference"])):
             ratio = number(peer / own["cpu"]) if peer else "-"
             lines.append([force, name, number(own["cpu"]), f"{own['deviation']:.1e}", f"{own['energy']:.1e}", ratio])
-        one = row["one run"]
-        ratio = number(peer / one["cpu"]) if peer and one["deviation"] <= ALLOWED else "-"
-        own_step = f"friction-ema, one run, {1e6 * one['step']:.3g} us"
-        lines.append([force, own_step, number(one["cpu"]), f"{one['deviation']:.1e}", "-", ratio])
+        if one := row.get("one run"):
+            ratio = number(peer / one["cpu"]) if peer and one["deviation"] <= ALLOWED else "-"
+            step = f"friction-ema, one run, {1e6 * one['step']:.3g} us"
+            lines.append([force, step, number(one["cpu"]), f"{one['deviation']:.1e}", "-", ratio])
         lines += [
             [
                 force,
