@@ -110,8 +110,8 @@ def table_of(
         else:
             table["reader"] = {**chosen.facts.reader, "unit": unit}
     if chosen.facts.kind == "named points":
-        rows = {str(node): row for node, row in zip(geometry.nodes, geometry.xyz.tolist(), strict=True)}
-        table = {"unit": unit, "nodes": rows}
+        by_number = {str(node): row for node, row in zip(geometry.nodes, geometry.xyz.tolist(), strict=True)}
+        table = {"unit": unit, "nodes": by_number}
         comments["nodes"] = f"by the numbers in the names of {path}"
     factor = measure(f"1 {unit}")[0]
     geometry = Geometry(geometry.nodes, factor * geometry.xyz, geometry.lines, geometry.faces, geometry.axes)
