@@ -21,7 +21,7 @@ from ema.errors import InputError
 
 _COLUMNS = ("frequency", "force", "response", "phase")
 _EXAMPLES = {"frequency": "Hz", "force": "N", "response": "m/s^2", "phase": "deg"}
-SAME_LEVEL = 0.02
+_SAME_LEVEL = 0.02
 """Relative difference of two response-controlled levels below which they repeat one level. Controllers hold amplitudes
 within 1 %; twice that keeps levels apart that were meant to be (5 % is the least step in use)."""
 
@@ -100,7 +100,7 @@ def in_order(levels: list[SteppedLevel], where: str) -> tuple[SteppedLevel, ...]
         )
     ordered = sorted(levels, key=height)
     for before, after in pairwise(ordered):
-        if height(after) < (1 + SAME_LEVEL) * height(before):
+        if height(after) < (1 + _SAME_LEVEL) * height(before):
             raise InputError(
                 "two levels of one amplitude in one run",
                 where=where,

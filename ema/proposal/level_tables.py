@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise, zip_longest
 from typing import Any
 
-from acquisition.stepped_levels import SAME_LEVEL
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.proposal.array_layouts import LevelColumns
@@ -16,6 +15,9 @@ from ema.units import UNSTATED
 CONSTANT = 0.1
 """Standard deviation over mean of an amplitude within a level, above which nobody kept it constant. Controllers keep
 amplitudes within 1 %; the force of a shaker without control drops by a multiple at a resonance."""
+
+_SAME_LEVEL = 0.02
+"""Relative difference of two amplitudes up to which they are one level: campaigns refuse two such levels in one run."""
 
 _NUMBER = re.compile(r"\d+(?:[.,p]\d+)?")
 
@@ -47,7 +49,7 @@ def _differ(facts: Sequence[FileFacts]) -> bool:
     """Whether no two files are of one level."""
     control = _kept(facts)
     heights = sorted((one.level or LevelColumns()).height(control) for one in facts)
-    return all(after >= (1 + SAME_LEVEL) * before for before, after in pairwise(heights))
+    return all(after >= (1 + _SAME_LEVEL) * before for before, after in pairwise(heights))
 
 
 def _kept(facts: Sequence[FileFacts]) -> str:
