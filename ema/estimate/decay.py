@@ -44,6 +44,9 @@ _FLAT = 0.002
 """Fall of the logarithm of an amplitude that is none: damping of 1e-5 over 30 cycles."""
 _DECAYED = 8.0
 """How far above a steady vibration a record has to begin for that to be what its decay ends in."""
+_MAINS, _OFF_MAINS = (50.0, 60.0), 0.5
+"""Mains frequencies, of which a steady vibration is a multiple within this many Hz: grids keep theirs within 0.2 Hz and
+leave 0.5 Hz in emergencies alone."""
 _PURE, _ENOUGH = 0.1, 8.0
 """Standard deviation of the logarithm of its amplitude, and of its phase in rad, up to which an end is a steady
 vibration and no noise, over this many independent values: noise looks so with a probability below 1e-10."""
@@ -183,16 +186,16 @@ def ring_down(
 
 
 def _not_decaying(steady: Complex[np.ndarray, "sample"], rate: float, what: str) -> Finding:
-    """That something in the band does not decay."""
+    """That there is hum in the band."""
     amplitude = float(np.abs(steady[0]))
     return Finding.of(
         "warning",
         "steady-vibration",
         what,
-        "a vibration of {frequency} Hz in the band does not decay (amplitude {amplitude}); it is taken off.",
+        "a vibration of {frequency} Hz in the band does not decay (amplitude {amplitude}), as hum; it is taken off.",
         amplitude,
         0.0,
-        advice="Look for hum or an exciter that still runs; or choose a band without it.",
+        advice="Check grounding and cables, or choose a band without it.",
         frequency=f"{float(np.angle(steady[1] / steady[0])) * rate / (2 * np.pi):.4g}",
         amplitude=f"{amplitude:.2g}",
     )
@@ -439,7 +442,7 @@ def _line(values: Float[np.ndarray, "sample"]) -> tuple[float, float]:
 def _steady_vibration(
     analytic: Complex[np.ndarray, "sample"], rate: float, band: tuple[float, float]
 ) -> Complex[np.ndarray, "sample"] | None:
-    """A vibration of constant amplitude and frequency that a decay ends in, over the whole record, or ``None``.
+    """Hum, a vibration of constant amplitude that a decay ends in, over the whole record; ``None`` without it.
 
     The end of the record is one where its amplitude does not fall, though so little noise would let that be seen.
     """
@@ -463,6 +466,9 @@ def _steady_vibration(
     sample = np.arange(len(analytic)) - (ends + begins)
     part = slice(ends + begins, len(analytic) - ends)
     turn = np.polyfit(sample[part], np.unwrap(np.angle(analytic[part])), 1)[0]
+    frequency = turn * rate / (2 * np.pi)
+    if not any(abs(frequency - max(round(frequency / one), 1) * one) <= _OFF_MAINS for one in _MAINS):
+        return None  # a joint that sticks without any damping may vibrate for ever
     return np.asarray(np.mean(analytic[part] * np.exp(-1j * turn * sample[part])) * np.exp(1j * turn * sample))
 
 

@@ -27,8 +27,8 @@ class Prepared:
     noise: noise.NoiseLevel
     swapped: bool
     dead: tuple[Dof, ...]
-    rows: Int[np.ndarray, "dof"]
-    columns: Int[np.ndarray, "in"]
+    rows: Int[np.ndarray, "row"]
+    columns: Int[np.ndarray, "column"]
 
 
 def check_statements(frfs: FrfSet) -> None:

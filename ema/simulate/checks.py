@@ -34,21 +34,14 @@ def with_unit(value: Any, unit: str) -> str:
 
 
 def sample_count(where: str, duration: float, sampling_rate: float) -> int:
-    """Whole sampling intervals of a motion.
+    """Whole sampling intervals of a motion, one at least.
 
     Raises
     ------
-    InputError : a number is not positive, or the motion ends before its first sample.
+    InputError : a number is not positive.
     """
     positive(where, duration=duration, sampling_rate=sampling_rate)
-    if duration * sampling_rate < 1 - 1e-9:
-        raise InputError(
-            "the motion ends before its first sample",
-            where=where,
-            got=f"{duration:g} s at {sampling_rate:g} Hz",
-            expected=f"a duration of {1 / sampling_rate:g} s or more, or {1 / duration:g} Hz or more",
-        )
-    return round(duration * sampling_rate)
+    return max(round(duration * sampling_rate), 1)
 
 
 def not_negative(where: str, **numbers: Any) -> None:

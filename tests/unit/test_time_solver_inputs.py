@@ -169,13 +169,6 @@ def check(order):
     assert "got" in sentence or "expected" in sentence
 
 
-def test_a_motion_shorter_than_a_sample_says_what_would_do():
-    words = r"ends before its first sample; got 0.1 s at 1 Hz, expected a duration of 1 s or more, or 10 Hz or more"
-    with pytest.raises(InputError, match=words):
-        snapback(model(), 20.0, TIP, 0.1, sampling_rate=1.0)
-    assert snapback(model(), 20.0, TIP, 0.1, sampling_rate=10.0).times[-1] == pytest.approx(0.1)
-
-
 _LOAD_IN_WORDS = """
 from ema.errors import InputError
 from ema.simulate import Masing, Section, double_beam, snapback
