@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from acquisition.units import bracketed
 from ema.errors import InputError
 
-__all__ = ["column", "moment", "numbers", "read_columns"]
+__all__ = ["bracketed", "column", "moment", "numbers", "read_columns"]
 
 
 def read_columns(path: Path, names_in: str = "first row") -> dict[str, list[str]]:

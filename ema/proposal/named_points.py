@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.columns import numbers, read_columns
+from acquisition.columns import bracketed, numbers, read_columns
 from ema.data import Geometry
 from ema.errors import EmaError
 from ema.proposal.units import quantity_of
 from ema.units import UNSTATED
 
-_TITLE = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 _NAME = re.compile(r"(?P<word>[A-Za-z]+)[ _.-]?(?P<node>\d+)")
 
 
@@ -30,12 +29,11 @@ def read(path: Path) -> tuple[Geometry, str] | None:
     """
     try:
         columns = read_columns(path)
-        parts = {title: parsed for title in columns if (parsed := _TITLE.fullmatch(title))}
-        titles = {parsed["name"].lower(): title for title, parsed in parts.items()}
+        titles = {bracketed(title)[0].lower(): title for title in columns}
         xyz = np.column_stack([numbers(columns[titles[axis]], str(path)) for axis in "xyz"])
     except (EmaError, KeyError):
         return None
-    units = {(parts[titles[axis]]["unit"] or "").strip() or UNSTATED for axis in "xyz"}
+    units = {bracketed(titles[axis])[1] or UNSTATED for axis in "xyz"}
     names = [_NAME.fullmatch(text) for text in next(iter(columns.values()))]
     words = {name["word"].lower() if name else "" for name in names}
     nodes = np.array([int(name["node"]) if name else 0 for name in names])
