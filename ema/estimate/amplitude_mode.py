@@ -27,18 +27,18 @@ resonance: the amplitude, on which the mode depends, changes by a fifth over the
 is read 2.5 % of its bandwidth too high."""
 _JUMP = 0.3
 """Gap between two sides of a level, over the smaller of their stiffnesses, from which on its response jumps there: what
-is read between two lines so far apart is as uncertain. The steepest part of a curve that is about to fold counts as a
-jump where fewer than three lines show it."""
+is read between two lines so far apart is as uncertain, also where the curve is steep and does not fold."""
 _CLEAR = 5.0
-"""Gap over its standard deviation by noise, which exceeds this once in a million intervals (normal distribution)."""
+"""Gap over its standard deviation by noise: complex noise of known variance exceeds it with probability exp(-25). No
+level of a linear mode jumps in 90 draws of 9 to 41 lines with up to 10 % noise (tests)."""
 _SIDE = 4
-"""Lines on each side that are continued by a straight line: enough to see noise, too few to bend."""
+"""Lines on each side that are continued by a straight line. No sensitivity to it was measured."""
 _ALIKE = 1.1
 """Ratio of amplitudes up to which levels are one for the slope of frequency and loss over the amplitude: between equal
 levels it would be noise. Levels that are meant to differ do so by a fifth or more."""
 _PASSES = 3
-"""How often levels are read with what their neighbours tell of the amplitude: the third pass moves values by less than
-a tenth of their standard deviation (levels over which a mode falls by half its bandwidth)."""
+"""How often levels are read with what their neighbours tell of the amplitude: in 16 tests of modes that fall by 1 and
+3 % the second pass moves values by up to 0.22 of their standard deviations, the third by up to 0.025."""
 
 
 @dataclass(frozen=True)
@@ -75,19 +75,19 @@ class _Lines:
 
 
 @dataclass(frozen=True)
-class _Bend:
+class _Backbone:
     """How stiffness and loss of the modal oscillator [N/m] follow the logarithm of the amplitude, from all levels.
 
     Levels of nearly one amplitude are one. Between two the curve is monotone (Fritsch and Carlson 1980), beyond the
     last ones it goes on straight.
     """
 
-    places: np.ndarray
+    logarithms: np.ndarray
     values: np.ndarray
     std: np.ndarray
 
     @classmethod
-    def of(cls, read: Sequence[_Resonance], mass: float) -> "_Bend | None":
+    def of(cls, read: Sequence[_Resonance], mass: float) -> "_Backbone | None":
         """From what was read of the levels; ``None`` where these have one amplitude."""
         ordered = sorted(read, key=lambda one: one.amplitude)
         groups: list[list[_Resonance]] = []
@@ -110,15 +110,15 @@ class _Bend:
         from scipy.interpolate import PchipInterpolator
 
         x, around = np.log(amplitude), np.log(reference)
-        curves = [PchipInterpolator(self.places, part) for part in (self.values.real, self.values.imag)]
+        curves = [PchipInterpolator(self.logarithms, part) for part in (self.values.real, self.values.imag)]
 
         def at(where: np.ndarray) -> np.ndarray:
-            within = np.clip(where, self.places[0], self.places[-1])
+            within = np.clip(where, self.logarithms[0], self.logarithms[-1])
             value, slope = (curves[0](within, nu) + 1j * curves[1](within, nu) for nu in (0, 1))
             return np.asarray(value + slope * (where - within))
 
-        nearest = int(np.clip(np.searchsorted(self.places, around), 1, len(self.places) - 1))
-        slope_std = np.hypot(*self.std[nearest - 1 : nearest + 1]) / np.diff(self.places)[nearest - 1]
+        nearest = int(np.clip(np.searchsorted(self.logarithms, around), 1, len(self.logarithms) - 1))
+        slope_std = np.hypot(*self.std[nearest - 1 : nearest + 1]) / np.diff(self.logarithms)[nearest - 1]
         return at(x) - at(np.array([around])), slope_std * (x - around)
 
 
@@ -197,7 +197,7 @@ def amplitude_dependent_mode(
             read.append(resonance)
             findings += _turned(level) if lines.turned else []
     for _ in range(_PASSES):
-        read = _beside_each_other(located, read, modal_mass)
+        read = _at_one_amplitude(located, read, modal_mass)
     if not read:
         raise InputError(
             "no level holds a resonance",
@@ -243,10 +243,12 @@ def _mode(
     reach = float(norm.ppf(0.975))
     damping_reach = reach * damping * np.hypot([one.loss_std for one in read] / loss, uncertain)
     frequency_reach = reach * np.array([one.frequency_std for one in read])
-    if (bend := _Bend.of(read, common)) is not None:
+    if (backbone := _Backbone.of(read, common)) is not None:
         # an error of the amplitude is one of the values at it
         amplitude = np.array([one.amplitude for one in read])
-        off = [bend.change(a * np.exp([one.amplitude_std]), a)[0][0] for a, one in zip(amplitude, read, strict=True)]
+        off = [
+            backbone.change(a * np.exp([one.amplitude_std]), a)[0][0] for a, one in zip(amplitude, read, strict=True)
+        ]
         frequency_off = np.abs(np.real(off)) / (common * 8 * np.pi**2 * frequency)
         damping_off = np.abs(np.imag(off)) / (2 * common * (2 * np.pi * frequency) ** 2)
         frequency_reach = np.hypot(frequency_reach, reach * frequency_off)
@@ -346,13 +348,13 @@ def _located(level: SteppedLevel) -> _Lines | Finding:
     first = int(max(jumps[jumps < crossing] + 1, default=0))
     last = int(min(jumps[jumps > crossing], default=len(squared) - 1))
     if crossing in jumps or last + 1 - first < _FEWEST:
-        return _folded(level, int(jumps[np.argmin(np.abs(jumps - crossing))]))
+        return _jumping(level, int(jumps[np.argmin(np.abs(jumps - crossing))]))
     some = np.arange(first, last + 1)
     some = some[_about(np.abs(level.response)[some], crossing - first, level.control)]
     return _Lines(level, squared[some], stiffness[some], np.abs(level.response)[some], float(squared[crossing]), turned)
 
 
-def _folded(level: SteppedLevel, jump: int) -> Finding:
+def _jumping(level: SteppedLevel, jump: int) -> Finding:
     """That the response jumps where the resonance would be read."""
     low, high = np.abs(level.response[jump : jump + 2])
     return Finding.of(
@@ -406,7 +408,7 @@ def _continued(x: Float[np.ndarray, "line"], y: Complex[np.ndarray, "line"], the
     return complex(y.mean() + (off @ y) / power * (there - x.mean())), 1 / len(x) + (there - x.mean()) ** 2 / power
 
 
-def _beside_each_other(
+def _at_one_amplitude(
     located: Sequence[_Lines], read: Sequence[_Resonance], modal_mass: float | None
 ) -> list[_Resonance]:
     """The levels read again: lines at another amplitude than that at resonance are moved there.
@@ -415,17 +417,17 @@ def _beside_each_other(
     its real part is not the modal mass.
     """
     mass = modal_mass or float(np.median([one.mass for one in read] or [0.0]))
-    bend = _Bend.of(read, mass)
-    if bend is None:
+    backbone = _Backbone.of(read, mass)
+    if backbone is None:
         return list(read)
     again = []
     for lines, one in zip(located, read, strict=True):
         if _steady(lines.amplitude):
             again.append(one)
             continue
-        change, open_part = bend.change(_smooth(lines), one.amplitude)
+        change, uncertain = backbone.change(_smooth(lines), one.amplitude)
         moved = _read(replace(lines, stiffness=lines.stiffness - change))
-        other = _read(replace(lines, stiffness=lines.stiffness - change - open_part))
+        other = _read(replace(lines, stiffness=lines.stiffness - change - uncertain))
         if isinstance(moved, Finding) or isinstance(other, Finding):
             again.append(one)
             continue
