@@ -66,14 +66,16 @@ def _resonances(coupled: _Coupled, mode: int, omega: float, stuck: bool) -> tupl
     mass-normalised shapes the squares of q add up to 1; each is the modal constant of a resonance in the receptance of
     q, the height of its peak times twice its damping ratio and w^2.
     """
-    from scipy.linalg import block_diag, eigh
+    from scipy.linalg import block_diag
+
+    from ema.simulate.reduction import natural_modes
 
     springs = coupled.springs.copy()
     if not stuck:
         springs[: len(springs) // 2] = 0.0
     apart = np.column_stack([-coupled.motion[:, mode], coupled.rows])
     stiffness = block_diag([[omega**2]], coupled.stiffness) + (apart.T * springs) @ apart
-    squares, vectors = eigh(stiffness, block_diag([[1.0]], coupled.mass))
+    squares, vectors = natural_modes(stiffness, block_diag([[1.0]], coupled.mass))
     return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), vectors[0] ** 2
 
 

@@ -181,7 +181,8 @@ def test_outputs_of_a_set_larger_than_memory_hold_as_much_where_poles_describe_e
         sums.take(np.array([output]), Observations(data.s, data.signals[own], data.weights[own]), begin)
     stds, wanted = (np.linalg.norm(estimator.root(one), axis=1) for one in (sums.all_terms, exact))
     np.testing.assert_allclose(stds, wanted, rtol=1e-4)
-    assert np.max(np.linalg.norm(estimator.root(fit), axis=1) / wanted) > 1.5
+    # How far normal equations are off here is rounding, which differs between processors; that they are not used does not.
+    assert fit.rounding != estimator.ORTHOGONAL == exact.rounding
 
 
 def data_of(data, fit, shapes):
