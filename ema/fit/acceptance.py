@@ -10,6 +10,8 @@ from scipy.sparse.csgraph import connected_components
 from ema.data import damping_ratios, natural_frequencies
 from ema.fit import estimator
 from ema.fit.estimator import Fit
+from ema.fit.narrow import TONE
+from ema.fit.narrow import tones as without_flanks
 from ema.fit.policy import SelectionPolicy
 from ema.fit.refinement import Refined
 from ema.fit.search import evidence, macs
@@ -100,8 +102,14 @@ def judge(
     steady = possible & (damping <= 0)
     # In a misfit, poles explain what is no noise: the search has judged them there.
     explained = np.full(len(fit.poles), np.inf) if optimum.misfit else evidence(optimum.data, fit)
+    # Of few averages single lines stand out: where the force is small by chance, errors are larger than any variance
+    # pooled over lines says. A resonance shows in the lines beside as well.
+    sharp = possible & (-2 * fit.poles.real < policy.unresolved * line) & (explained >= 1)
+    lonely = np.zeros(len(fit.poles), bool)
+    lonely[without_flanks(optimum.data, fit, np.flatnonzero(sharp))] = True
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
-    resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~(tones | steady | one_side)
+    doubtful = tones | steady | one_side | lonely
+    resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~doubtful
     spacing, apart = _distances(fit, group, resonant)
     confidence = _confidence(fit, errors, group, resonant, damping=damping, limit=policy.shape_scatter)
     accepted, reasons = possible.copy(), [""] * len(fit.poles)
@@ -117,6 +125,8 @@ def judge(
             )
         elif one_side[pole]:
             reason = mark("it is narrower than a line and at the end of the band, where one side of a peak is no peak")
+        elif lonely[pole]:
+            reason = TONE
         elif explained[pole] < 1:
             reason = f"it explains {explained[pole]:.2g} times what noise may"
         elif not resonant[pole]:

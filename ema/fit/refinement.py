@@ -281,7 +281,7 @@ def _between(
     }
     if band.deviations is not None:
         impacts = _single_impacts(band, data, flat)
-        found["scatter between the impacts"] = scatter.between_impacts(flat, fit, change, *impacts)
+        found["scatter between the averages"] = scatter.between_impacts(flat, fit, change, *impacts)
     return largest(found, is_mode)
 
 

@@ -26,7 +26,7 @@ _WORDS = (
     mark("with what the correction of broadened peaks leaves open"),
     mark("noise that the FRFs share"),
     mark("scatter between the FRFs"),
-    mark("scatter between the impacts"),
+    mark("scatter between the averages"),
 )
 """What intervals rest on, as data say it."""
 

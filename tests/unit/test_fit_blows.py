@@ -11,7 +11,7 @@ from ema.fit.scatter import widened
 from tests.unit.fit_rig import frfs, model
 
 FREQUENCIES, DAMPING = [120.0, 150.0, 175.0], [0.004, 0.003, 0.005]
-BETWEEN = "scatter between the impacts"
+BETWEEN = "scatter between the averages"
 SHARED = "noise that the FRFs share"
 BLOWS, OUTPUTS = 5, 4
 

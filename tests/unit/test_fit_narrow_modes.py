@@ -59,3 +59,43 @@ def test_little_noise_tells_the_damping_of_a_mode_narrower_than_a_line(width: fl
     assert np.abs(deviations(estimate, natural, zeta)).max() < 5.5
     std = np.sqrt(estimate.covariance[1, 1, 1])
     assert std < 0.2 * zeta[1], "the data tell the damping, and so does its interval"
+
+
+def of_random_force(seed: int, averages: int, noise: float, outputs: int):
+    """H1 of four modes from blocks of a random force of a line each, with its coherence, and their frequencies."""
+    draw = np.random.default_rng(seed)
+
+    def gauss(*shape: int) -> np.ndarray:
+        return (draw.normal(size=shape) + 1j * draw.normal(size=shape)) / np.sqrt(2)
+
+    lines = np.arange(1.0, 801.0)
+    wanted, damping = np.sort(draw.uniform(60, 740, 4)), draw.uniform(0.004, 0.02, 4)
+    poles = 2 * np.pi * wanted * (-damping + 1j * np.sqrt(1 - damping**2))
+    shapes, s = draw.normal(size=(outputs, 4)), 2j * np.pi * lines
+    receptance = sum(
+        np.outer(1 / (s - p) / (2j * p.imag) - 1 / (s - p.conj()) / (2j * p.imag), phi * phi[0])
+        for p, phi in zip(poles, shapes.T, strict=True)
+    )
+    exact = receptance * (s**2)[:, None]
+    force = gauss(averages, 800)
+    size = noise * np.sqrt(np.mean(np.abs(exact) ** 2, axis=0))
+    response = exact * force[..., None] + size * gauss(averages, 800, outputs)
+    power, cross = np.sum(np.abs(force) ** 2, axis=0)[:, None], np.sum(response * force.conj()[..., None], axis=0)
+    coherence = np.abs(cross) ** 2 / power / np.sum(np.abs(response) ** 2, axis=0)
+    dofs = tuple(Dof(node, "+Z") for node in range(1, outputs + 1))
+    averaged = np.full((outputs, 1), float(averages))
+    values = (cross / power)[..., None]
+    return wanted, FrfSet(
+        lines, values, dofs, dofs[:1], "accelerance", coherence=coherence[..., None], averages=averaged
+    )
+
+
+@pytest.mark.parametrize(("averages", "noise", "outputs"), [(2, 0.2, 6), (1, 0.05, 6), (2, 0.05, 2)])
+def test_single_lines_of_few_averages_are_no_modes(averages, noise, outputs):
+    """Where the blocks have next to no force at a line, the FRF is noise there that no pooled variance tells."""
+    for seed in range(100, 108):
+        wanted, measured = of_random_force(seed, averages, noise, outputs)
+        model = modes(measured, stabilise(measured))
+        distance = np.abs(model.natural_frequencies[:, None] - wanted)
+        assert np.all(distance.min(axis=1) < 0.02 * model.natural_frequencies), (seed, model.natural_frequencies)
+        assert np.count_nonzero(distance.min(axis=0) < 0.02 * wanted) == 4, (seed, wanted)

@@ -389,13 +389,13 @@ def test_an_error_ends_the_language() -> None:
 def test_what_intervals_rest_on_is_said_in_the_language_of_the_report() -> None:
     basis = (
         "coherence of the FRFs, scaled to the residuals; of some poles, noise that the FRFs share and scatter between the "
-        "FRFs and scatter between the impacts, which is beyond that"
+        "FRFs and scatter between the averages, which is beyond that"
     )
     assert _in_words(basis) == basis
     with speaking("de"):
         assert _in_words(basis) == (
             "Kohärenz der FRF, skaliert auf die Residuen; bei einigen Polen gemeinsames Rauschen der FRF und Streuung "
-            "zwischen den FRF und Streuung zwischen den Impulsen, was darüber hinausgeht"
+            "zwischen den FRF und Streuung zwischen den Mittelungen, was darüber hinausgeht"
         )
 
 
