@@ -20,7 +20,7 @@ from ema.progress import Progress, advance, silent
 from ema.simulate import Fault, RovingHammer, VirtualRig
 from ema.store import atomic
 
-VERSION = 2
+VERSION = 3
 """Raised when a generator changes what it writes; files of an older version are written anew."""
 
 RAW = "raw"

@@ -6,7 +6,7 @@ and 130 kg whose first four natural frequencies are set. Three settings of the b
 figures; a fourth shows what else they would need.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -23,11 +23,11 @@ COLUMNS, ROWS = 10, 8
 """Measured points along and across."""
 FREQUENCIES = (499.0, 760.0, 1000.0, 1400.0)
 """First natural frequencies in Hz that the plate is set to."""
-DAMPING = 0.00638
-"""Damping ratio of all elastic modes."""
-SUSPENSION, SUSPENSION_DAMPING = (2.8, 3.9, 4.6), 0.06
 _MODES = 13
 """Elastic modes of the plate."""
+DAMPING = 0.00638
+"""Damping ratio of all elastic modes, but where a setting says otherwise."""
+SUSPENSION, SUSPENSION_DAMPING = (2.8, 3.9, 4.6), 0.06
 _BEAM_ELEMENTS = 4
 """Finite elements of the beam between its joints."""
 BEAM = "beam"
@@ -40,7 +40,7 @@ class Setting:
     ``middle`` (x, y) m between the joints, ``spacing``, ``overhang``, ``width``, ``height`` m of the beam; ``lever`` m
     from the middle layer of the table to the interface; ``law`` with k_T(F_N) per joint; ``normal_stiffness`` N/m at
     1 kN with its exponent; loss factors of the sticking joints; ``background`` damping ratio that the bolted beam adds;
-    ``driver`` (x, y) m of the shaker.
+    ``driver`` (x, y) m of the shaker; ``host_damping`` ratios of the elastic modes of the table.
     """
 
     name: str
@@ -57,6 +57,7 @@ class Setting:
     normal_loss: float = 0.0
     background: float = 0.0
     driver: tuple[float, float] = (0.04, 0.06)
+    host_damping: tuple[float, ...] = (DAMPING,) * _MODES
 
     @property
     def mass(self) -> float:
@@ -140,6 +141,9 @@ PLACED = Setting(
     0.3,
     0.02,
     0.01,
+    host_damping=tuple(
+        percent / 100 for percent in (0.638, 0.52, 0.47, 0.58, 0.41, 0.66, 0.44, 0.72, 0.5, 0.6, 0.55, 0.62, 0.57)
+    ),
 )
 """Where `reports/table_placement.toml` puts a beam; friction and stiffness are not quite those that it assumes."""
 
@@ -184,11 +188,13 @@ def _plate() -> "tuple[object, Float[np.ndarray, 'mode']]":
 
 
 def bare(
-    points: Mapping[int, tuple[float, float]], joints: Mapping[int, tuple[float, float]] | None = None
+    points: Mapping[int, tuple[float, float]],
+    joints: Mapping[int, tuple[float, float]] | None = None,
+    damping: Sequence[float] = (DAMPING,) * _MODES,
 ) -> ModalModel:
     """The table without a beam at ``points`` (+Z) and at nodes for joints (+X, +Z, -RY), unit modal mass.
 
-    Its middle layer does not move along X.
+    Its middle layer does not move along X. ``damping``: ratios of its elastic modes.
     """
     from ema.datasets.free_plate import PlateModes
 
@@ -205,21 +211,25 @@ def bare(
         rows += [0 * shapes[:1], shapes[place : place + 1], slopes[place : place + 1]]
         dofs += [Dof(node, "+X"), Dof(node, "+Z"), Dof(node, "-RY")]
     frequencies = np.concatenate([SUSPENSION, elastic])
-    damping = np.concatenate([np.full(len(SUSPENSION), SUSPENSION_DAMPING), np.full(len(elastic), DAMPING)])
-    poles, moved = poles_from(frequencies, damping), np.concatenate(rows).astype(complex)
+    ratios = np.concatenate([np.full(len(SUSPENSION), SUSPENSION_DAMPING), damping])
+    poles, moved = poles_from(frequencies, ratios), np.concatenate(rows).astype(complex)
     return ModalModel(
         poles, moved, tuple(dofs), moved / (2j * poles.imag), tuple(dofs), scaling="unit modal mass", name="work table"
     )
 
 
 def with_beam(
-    setting: Setting, normal_force: float, points: Mapping[int, tuple[float, float]] | None = None
+    setting: Setting,
+    normal_force: float,
+    points: Mapping[int, tuple[float, float]] | None = None,
+    masses: Mapping[int, float] | None = None,
 ) -> BeamModel:
     """The table with the friction beam, every joint pressed with ``normal_force`` N.
 
-    ``points`` are those of the shaker test by default.
+    ``points`` are those of the shaker test by default; ``masses`` [kg] sit on some of them.
     """
-    host = bare(points or shaker_points(setting), dict(zip(JOINT_NODES, setting.places, strict=True)))
+    joints_at = dict(zip(JOINT_NODES, setting.places, strict=True))
+    host = with_masses(bare(points or shaker_points(setting), joints_at, setting.host_damping), masses or {})
     size = {"width": setting.width, "height": setting.height}
     ends = Section(setting.overhang, elements=1, **size)
     middle = Section(setting.spacing, elements=_BEAM_ELEMENTS, **size)
@@ -241,21 +251,35 @@ def with_beam(
     return BeamModel(host, beam, joints, Damping(setting.background), setting.name)
 
 
-def with_dead_mass(setting: Setting) -> ModalModel:
-    """The table with half the mass of the beam fixed at either joint, and no friction: what the mass alone does."""
+def with_masses(model: ModalModel, masses: Mapping[int, float]) -> ModalModel:
+    """A model with masses [kg] at nodes, which move along +Z: sensors, load cells. The modes stay real."""
     from scipy.linalg import eigh
 
-    joints = dict(zip(JOINT_NODES, setting.places, strict=True))
-    plain = bare(shaker_points(setting), joints)
-    at = np.real(plain.shapes[[dof.direction == "+Z" and dof.node in JOINT_NODES for dof in plain.dofs]])
-    mass = np.eye(len(plain.poles)) + setting.mass / 2 * at.T @ at
-    squares, vectors = eigh(np.diag(np.abs(plain.poles) ** 2), mass)
+    if not masses:
+        return model
+    at = np.real(np.array([model.shapes[model.dofs.index(Dof(node, "+Z"))] for node in masses]))
+    mass = np.eye(len(model.poles)) + (at.T * list(masses.values())) @ at
+    squares, vectors = eigh(np.diag(np.abs(model.poles) ** 2), mass)
     frequencies = np.sqrt(squares)
-    decay = np.einsum("nr,n,nr->r", vectors, -2 * plain.poles.real, vectors)
-    poles = poles_from(frequencies / (2 * np.pi), decay / (2 * frequencies))
-    keep = [row for row, dof in enumerate(plain.dofs) if dof.node not in JOINT_NODES]
-    shapes = plain.shapes[keep] @ vectors
-    dofs = tuple(plain.dofs[row] for row in keep)
+    decay = np.einsum("nr,n,nr->r", vectors, -2 * model.poles.real, vectors)
+    poles, shapes = poles_from(frequencies / (2 * np.pi), decay / (2 * frequencies)), model.shapes @ vectors
+    return replace(model, poles=poles, shapes=shapes, participation=shapes / (2j * poles.imag))
+
+
+def with_dead_mass(setting: Setting) -> ModalModel:
+    """The table with half the mass of the beam fixed at either joint, and no friction: what the mass alone does."""
+    joints = dict(zip(JOINT_NODES, setting.places, strict=True))
+    plain = bare(shaker_points(setting), joints, setting.host_damping)
+    heavy = with_masses(plain, dict.fromkeys(JOINT_NODES, setting.mass / 2))
+    keep = [row for row, dof in enumerate(heavy.dofs) if dof.node not in JOINT_NODES]
+    dofs = tuple(heavy.dofs[row] for row in keep)
+    shapes = heavy.shapes[keep]
     return ModalModel(
-        poles, shapes, dofs, shapes / (2j * poles.imag), dofs, scaling="unit modal mass", name="work table, dead mass"
+        heavy.poles,
+        shapes,
+        dofs,
+        heavy.participation[keep],
+        dofs,
+        scaling="unit modal mass",
+        name="work table, dead mass",
     )

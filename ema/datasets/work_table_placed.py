@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ema import store
-from ema.data import Channel, Recording
+from ema.data import Channel, FrictionLaw, ModalModel, Recording
 from ema.datasets import work_table as table
 from ema.datasets import work_table_shaker as shaker
 from ema.dof import Dof
@@ -28,6 +28,13 @@ _DAY, _PAUSE, _REFIT, _WAIT = 86400.0, 20.0, 300.0, 5.0
 """Seconds of a day, between two conditions, for another mounting of the beam, and before the end of that for the
 reading of the normal force."""
 _SETTLING, _TIME, _UNEVEN = 0.02, 120.0, (0.02, -0.02)
+_BITS = 12
+_SENSORS = {table.DRIVE_NODE: 0.01, table.SENSOR_NODE: 0.01}
+"""Masses of the accelerometers in kg by node: they stay in place on both days."""
+_MOUNT = 0.05
+"""kg between load cell and table; the controller holds what the load cell reads."""
+_OF_FRICTION, _OF_STIFFNESS = 0.03, 0.06
+"""Scatter of the friction coefficient and of the contact stiffness between assemblies, relative."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,7 @@ class Condition:
 
     mode: int
     level: float
-    force: float
+    force: int
     begins: float
     ends: float
     fitted: float
@@ -77,6 +84,16 @@ def pressed(condition: Condition, times: "np.ndarray | float") -> np.ndarray:
     return np.array([condition.force * (1 + part) * settled for part in _UNEVEN])
 
 
+def law_of(force: int) -> FrictionLaw:
+    """Friction of the joints in the assembly with a nominal normal force in N."""
+    law, draw = SETTING.law, np.random.default_rng([23, force]).standard_normal(2)
+    return replace(
+        law,
+        friction_coefficient=law.friction_coefficient * (1 + _OF_FRICTION * draw[0]),
+        contact_stiffness=law.contact_stiffness * (1 + _OF_STIFFNESS * draw[1]),
+    )
+
+
 def generate(
     folder: Path, progress: Progress, in_threads: Callable[[Callable[[int], None], int], Iterator[None]]
 ) -> str:
@@ -103,12 +120,26 @@ def generate(
             advance(progress, "measuring the virtual table", done, total)
     _bare_sweep(folder / "bare_sweep.h5")
     shaker.write_rings(folder / "rings.csv", listed, pressed, seed=17)
+    model = rig.model
     return (
         f'setting = "{SETTING.name}"\nbeam_mass = {SETTING.mass:.4f}  # kg\nmiddle = {list(SETTING.middle)}  # m\n'
-        f"natural_frequencies = {list(table.FREQUENCIES)}  # Hz, of the bare table\ndamping = {table.DAMPING}\n"
+        f"natural_frequencies = {_rounded(model.natural_frequencies)}  # Hz, of the bare table with its sensors\n"
+        f"damping = {_rounded(model.damping_ratios)}\n"
         f"friction_coefficient = {SETTING.law.friction_coefficient}\n"
         f"contact_stiffness = {SETTING.law.contact_stiffness:g}  # N/m per joint at 1 kN\n"
     )
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    """The four modes of the paper."""
+    rigid = len(table.SUSPENSION)
+    return [round(float(value), 6) for value in values[rigid : rigid + len(table.FREQUENCIES)]]
+
+
+def _bare(mount: float = 0.0) -> ModalModel:
+    """The bare table with its sensors, and with the mass below the load cell."""
+    masses = _SENSORS | {table.DRIVE_NODE: _SENSORS[table.DRIVE_NODE] + mount}
+    return table.with_masses(table.bare(points(), damping=SETTING.host_damping), masses)
 
 
 def _hammer() -> VirtualRig:
@@ -122,13 +153,13 @@ def _hammer() -> VirtualRig:
         spacing=SPACING,
     )
     return VirtualRig(
-        table.bare(points()),
+        _bare(),
         drive,
-        _sensors(500.0),
+        _sensors(100.0),
         SAMPLING_RATE,
-        force_range=2000.0,
-        noise={"acceleration": 0.05, "force": 0.05},
-        bits=24,
+        force_range=1000.0,
+        noise={"acceleration": 0.05, "force": 0.2},
+        bits=_BITS,
         seed=31,
         name="bare",
     )
@@ -145,7 +176,9 @@ def _sensors(full_scale: float) -> tuple[Channel, ...]:
 def _stepped(condition: Condition, seed: int) -> Recording:
     """Steady states of the table with the beam, one frequency after the other; the controller holds the force."""
     middle = 0.5 * (condition.begins + condition.ends)
-    model = table.with_beam(SETTING, condition.force).with_normal_force(pressed(condition, middle)[:, 0].tolist())
+    masses = _SENSORS | {table.DRIVE_NODE: _SENSORS[table.DRIVE_NODE] + _MOUNT}
+    model = table.with_beam(SETTING, condition.force, masses=masses).with_law(law_of(condition.force))
+    model = model.with_normal_force(pressed(condition, middle)[:, 0].tolist())
     drive = SteppedSine(Dof(table.DRIVE_NODE, "+Z"), condition.level, condition.lines, shaker.STAY)
     rig = FrictionRig(
         model,
@@ -153,8 +186,8 @@ def _stepped(condition: Condition, seed: int) -> Recording:
         _sensors(200.0),
         shaker.SAMPLING_RATE,
         force_range=200.0,
-        noise={"acceleration": 0.02, "force": 0.02},
-        bits=24,
+        noise={"acceleration": 0.05, "force": 0.05},
+        bits=_BITS,
         seed=seed,
         name=condition.run,
     )
@@ -164,7 +197,7 @@ def _stepped(condition: Condition, seed: int) -> Recording:
 
 def _bare_sweep(path: Path) -> None:
     """The bare table by the same shaker: what a map of the beam is compared with."""
-    record = shaker.linear_sweep(table.bare(table.shaker_points(SETTING)), 41, path.stem, mount_mass=0.0)
+    record = shaker.linear_sweep(_bare(_MOUNT), 41, path.stem, mount_mass=0.0)
     _save(path, record, START + timedelta(seconds=_DAY))
 
 

@@ -324,7 +324,7 @@ def _drive_points(frfs: FrfSet) -> list[Finding]:
 
 
 def _reciprocity(frfs: FrfSet) -> list[Finding]:
-    """Pairs of FRFs with force and response exchanged."""
+    """Pairs of FRFs with force and response exchanged, which differ by more than their noise."""
     pairs = match(frfs.outputs, frfs.inputs)
     findings = []
     for place, (row, column, sign) in enumerate(pairs):
@@ -332,8 +332,12 @@ def _reciprocity(frfs: FrfSet) -> list[Finding]:
             forward = sign * other_sign * frfs.values[1:, row, other_column]
             backward = frfs.values[1:, other_row, column]
             size = np.sqrt(np.sum(np.abs(forward) ** 2) * np.sum(np.abs(backward) ** 2))
-            difference = float(np.sqrt(np.sum(np.abs(forward - backward) ** 2) / size)) if size > 0 else 0.0
-            if difference > RECIPROCITY:
+            apart, by_noise = np.sum(np.abs(forward - backward) ** 2), 0.0
+            if frfs.variance is not None:
+                by_noise = np.nansum(frfs.variance[1:, row, other_column] + frfs.variance[1:, other_row, column])
+            difference = float(np.sqrt(max(apart - by_noise, 0.0) / size)) if size > 0 else 0.0
+            # A few lines at the peaks may hold most of the noise, whose variance from two averages is a rough one.
+            if difference > RECIPROCITY and apart > 2 * by_noise:
                 reversed_ = np.sum(forward * backward.conj()).real < 0
                 findings.append(
                     Finding(

@@ -113,6 +113,21 @@ def test_reversed_sensor_shows_at_its_drive_point_and_in_reciprocity():
     assert quality(accelerance(values, F, turned, DOFS)) == ()
 
 
+@pytest.mark.parametrize("averages", [2, 10])
+def test_noise_is_no_lack_of_reciprocity(averages):
+    """Noise of 30 % of an FRF, its variance from the averages; one of the two that is 1.6 times too large is found."""
+    exact, gauss = truth(structure(), F, [0, 1], [0, 1, 2, 3]), np.random.default_rng(61)
+    size = 0.3 * np.sqrt(np.mean(np.abs(exact) ** 2, axis=0) / 2)
+    noise = gauss.standard_normal((averages, *exact.shape)) + 1j * gauss.standard_normal((averages, *exact.shape))
+    each = exact + np.sqrt(averages) * size * noise
+    known = {"variance": np.var(each, axis=0, ddof=1) / averages, "averages": np.full((2, 4), float(averages))}
+    values = each.mean(axis=0)
+    assert "reciprocity" not in codes(quality(accelerance(values, F, DOFS[:2], DOFS, **known)))
+    assert "reciprocity" in codes(quality(accelerance(values, F, DOFS[:2], DOFS)))
+    values[:, 1, 0] *= 1.6
+    assert "reciprocity" in codes(quality(accelerance(values, F, DOFS[:2], DOFS, **known)))
+
+
 def test_low_coherence_is_named_where_it_is():
     shape = (len(F), 2, 4)
     coherence = np.full(shape, 0.99)
