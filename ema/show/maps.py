@@ -8,6 +8,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import Normal, Stroke
+from matplotlib.text import Text
 
 from ema.data import ModalMap
 from ema.messages import mark, text, word
@@ -15,6 +16,8 @@ from ema.show.style import COLOUR_MAP, GREY, SERIES, VERMILION, empty_note, new_
 
 _METHODS = (mark("measured"), mark("frozen"))
 """How a map was made, as data say it."""
+_WRITTEN = 25
+"""Conditions up to which their values are written into the cells: contour lines between so few say more than they know."""
 _HOLE: dict[str, Any] = {"fill": False, "hatch": "////", "ec": GREY, "lw": 0}
 
 
@@ -68,6 +71,7 @@ def frequency_map(chart: ModalMap) -> Figure:
 
 
 def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, ridge: bool) -> Figure:
+    """Colours, and the values in the cells, or contour lines where there are many."""
     figure = new_figure(4.2, 7.0)
     axes = figure.subplots()
     holes = ~np.isfinite(values)
@@ -87,10 +91,26 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
     for row, column in np.argwhere(holes):
         corner, width = (edges[0][column], edges[1][row]), np.diff(edges[0])[column]
         axes.add_patch(Rectangle(corner, width, np.diff(edges[1])[row], **_HOLE))
-    if min(values.shape) > 1 and np.ptp(values[~holes]) > 0:
+    span, numbers = float(np.ptp(values[~holes])), list[Text]()
+    if np.count_nonzero(~holes) <= _WRITTEN:
+        decimals = int(np.clip(1 - np.floor(np.log10(span)), 0, 3)) if span > 0 else 2
+        numbers = [
+            axes.annotate(
+                f"{values[row, column]:.{decimals}f}",
+                (x[column], y[row]),
+                xytext=(0, 6),
+                textcoords="offset points",
+                ha="center",
+                fontsize=8,
+                color="white",
+            )
+            for row, column in np.argwhere(~holes)
+        ]
+    elif min(values.shape) > 1 and span > 0:
         lines = axes.contour(x, y, np.ma.masked_array(values, holes), levels=6, colors="white", linewidths=0.8)
-        for number in axes.clabel(lines, fontsize=8, fmt="%.4g"):
-            number.set_path_effects([Stroke(linewidth=2, foreground="#1a1a1a"), Normal()])  # on light colours too
+        numbers = list(axes.clabel(lines, fontsize=8, fmt="%.4g"))
+    for number in numbers:
+        number.set_path_effects([Stroke(linewidth=2, foreground="#1a1a1a"), Normal()])  # on light colours too
     if ridge:
         rows = [row for row in range(len(y)) if not holes[row].all()]
         tops = [x[np.nanargmax(values[row])] for row in rows]
