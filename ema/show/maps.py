@@ -17,7 +17,7 @@ from ema.show.style import COLOUR_MAP, GREY, SERIES, VERMILION, empty_note, new_
 _METHODS = (mark("measured"), mark("frozen"))
 """How a map was made, as data say it."""
 _WRITTEN = 25
-"""Conditions up to which their values are written into the cells: contour lines between so few say more than they know."""
+"""Conditions up to which their values are written into the cells: contour lines would say more than so few tell."""
 _HOLE: dict[str, Any] = {"fill": False, "hatch": "////", "ec": GREY, "lw": 0}
 
 
