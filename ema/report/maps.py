@@ -188,6 +188,12 @@ def map_blocks(one: MapResult, book: Book) -> list[Block]:
             partial(show.damping_curves, chart),
             text("Damping of {name} over the excitation at every normal force.", name=name),
             text(
+                "Damping of {name} at every normal force: over the force at resonance (left) and over the modal "
+                "amplitude (right), where different drivers agree.",
+                name=name,
+            )
+            if chart.method == "frozen"
+            else text(
                 "Damping of {name} at every normal force, with 95 % bars of the fit: over the force "
                 "at resonance (left) and over the modal amplitude (right), where different drivers "
                 "agree. Dashed: by the height of the peak.",
@@ -248,12 +254,15 @@ def _table(one: MapResult, book: Book) -> Block:
                     ),
                 ]
             )
-    caption = (
-        text("Every condition of {name}: frequency, damping from steady states of the model.", name=one.name)
-        if chart.method == "frozen"
-        else text(
-            "Every condition of {name}: frequency, damping by the fit and by the height of the peak.", name=one.name
-        )
+    if chart.method == "frozen":
+        # nothing was fitted
+        of_model = [0, 1, 2, 3, 6, 8]
+        columns = [text("ζ [%]") if place == 3 else columns[place] for place in of_model]
+        rows = [[row[place] for place in of_model] for row in rows]
+        caption = text("Every condition of {name}: frequency, damping from steady states of the model.", name=one.name)
+        return book.table(f"map_{one.name}", caption, columns, rows)
+    caption = text(
+        "Every condition of {name}: frequency, damping by the fit and by the height of the peak.", name=one.name
     )
     return book.table(f"map_{one.name}", caption, columns, rows, 9)
 

@@ -207,6 +207,8 @@ def damping_curves(chart: ModalMap) -> Figure:
                 axes.plot(
                     across[:, column], 100 * chart.quadrature_damping[:, column], "--", lw=0.9, color=colours[column]
                 )
+        if across is not forces and _geometric(np.sort(across[np.isfinite(across)])):
+            axes.set_xscale("log")
         axes.set_xlabel(label)
         axes.set_ylim(bottom=0)
     panels[0].set_ylabel(text("Damping ratio [%]"))
