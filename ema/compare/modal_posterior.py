@@ -292,7 +292,7 @@ class Conditional:
         out = np.empty((0, 2, len(index)))
         factor, y, rows = self.posterior.whitened
         k = self.lowest
-        root = np.linalg.cholesky(self.covariance + 1e-18 * np.eye(self.mean.shape[1]))
+        root = _root(self.covariance)
         for _ in range(20):
             some = generator.choice(len(self.weights), size=2 * count, p=self.weights)
             b = self.mean[some] + np.einsum(
@@ -319,3 +319,15 @@ class Conditional:
             if len(out) >= count:
                 break
         return out[:count]
+
+
+_LEAST = 1e-12
+"""Least eigenvalue of a correlation matrix: what digits are left of smaller ones where levels hold next to no noise."""
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """Lower triangular roots (draw, n, n) of covariance matrices (draw, n, n) that rounding may have left indefinite."""
+    scale = np.sqrt(np.maximum(np.einsum("dii->di", covariance), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(covariance / (scale[:, :, None] * scale[:, None, :]))
+    definite = np.einsum("dij,dj,dkj->dik", vectors, np.maximum(values, _LEAST), vectors)
+    return np.asarray(scale[:, :, None] * np.linalg.cholesky(definite))

@@ -36,6 +36,11 @@ _SIDE = 4
 _ALIKE = 1.1
 """Ratio of amplitudes up to which levels are one for the slope of frequency and loss over the amplitude: between equal
 levels it would be noise. Levels that are meant to differ do so by a fifth or more."""
+_STEEP = 3.0
+"""What levels of nearly one amplitude may differ by, over what the other levels tell of the change between them."""
+_TOGETHER = 0.1
+"""Difference of stiffness or loss over the loss below which two levels of nearly one amplitude are told for one: the
+resonance is off by a twentieth of its bandwidth."""
 _PASSES = 3
 """How often levels are read with what their neighbours tell of the amplitude: in 16 tests of modes that fall by 1 and
 3 % the second pass moves values by up to 0.22 of their standard deviations, the third by up to 0.025."""
@@ -205,6 +210,7 @@ def amplitude_dependent_mode(
             got="; ".join(finding.message for finding in findings),
             expected="lines to both sides of the frequency at which force and displacement are in quadrature",
         )
+    findings += _contradictions(located, read, modal_mass)
     read.sort(key=lambda one: one.amplitude)
     if len(read) == 1:
         findings.append(
@@ -272,6 +278,45 @@ def _mode(
         name=name,
         findings=findings,
     )
+
+
+def _contradictions(located: Sequence[_Lines], read: Sequence[_Resonance], modal_mass: float | None) -> list[Finding]:
+    """Levels of one amplitude whose values differ by more than noise and what the amplitude changes."""
+    if not read:
+        return []
+    mass = float(np.median([one.mass for one in read])) if modal_mass is None else modal_mass
+    backbone = _Backbone.of(read, mass)
+    order = np.argsort([one.amplitude for one in read])
+    found = []
+    for below, above in zip(order, order[1:], strict=False):
+        a, b = read[below], read[above]
+        if b.amplitude >= _ALIKE * a.amplitude:
+            continue
+        (stiffness, loss), (other, other_loss) = _stiffness(a, mass), _stiffness(b, mass)
+        change = 0j if backbone is None else backbone.change(np.array([b.amplitude]), a.amplitude)[0][0]
+        std = mass * 8 * np.pi**2 * a.frequency * np.hypot(a.frequency_std, b.frequency_std)
+        loss_std = np.hypot(a.loss_std, b.loss_std)
+        apart = abs(other - stiffness) > max(_CLEAR * std, _STEEP * abs(change.real), _TOGETHER * loss)
+        apart |= abs(other_loss - loss) > max(_CLEAR * loss_std, _STEEP * abs(change.imag), _TOGETHER * loss)
+        if apart:
+            first, second = (located[one].level.name or f"level {one + 1}" for one in (below, above))
+            found.append(
+                Finding.of(
+                    "warning",
+                    "levels-disagree",
+                    first,
+                    "it has the amplitude of {other} within {amplitude} %, and differs from it by {frequency} Hz and "
+                    "{damping} % of the damping: no one curve holds both.",
+                    abs(b.frequency - a.frequency),
+                    float(_CLEAR * np.hypot(a.frequency_std, b.frequency_std)),
+                    advice="Read levels stepped up and down, or of other assemblies, apart.",
+                    other=second,
+                    amplitude=f"{100 * (b.amplitude / a.amplitude - 1):.2g}",
+                    frequency=f"{b.frequency - a.frequency:+.3g}",
+                    damping=f"{100 * (other_loss * stiffness / (loss * other) - 1):+.2g}",
+                )
+            )
+    return found
 
 
 def _turned(level: SteppedLevel) -> list[Finding]:

@@ -348,6 +348,40 @@ def test_a_level_whose_response_jumps_at_the_resonance_is_left_out_and_others_ho
     assert read.modal_mass == pytest.approx(MASS, rel=0.07)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.002, 0.02])
+def test_levels_of_one_amplitude_that_contradict_each_other_are_named(noise):
+    """Every level once more, in another assembly: half a bandwidth lower, and with half as much damping again."""
+    rng, mode, levels = np.random.default_rng(41), softening(0.01), []
+    for amplitude in (1.0, 2.0, 4.0, 8.0):
+        for low, more in ((0.0, 1.0), (0.4, 1.5)):
+            f, zeta = mode(amplitude)
+
+            def state(a, low=low, more=more):
+                return mode(a)[0] - low, more * mode(a)[1]
+
+            frequencies = np.linspace((f - low) * (1 - 3 * more * zeta), (f - low) * (1 + 3 * more * zeta), 41)
+            force = 2 * MASS * more * zeta * amplitude
+            levels.append(swept(force, frequencies, state, noise, rng))
+    read = estimate.amplitude_dependent_mode(levels)
+    named = [finding for finding in read.findings if finding.code == "levels-disagree"]
+    assert len(named) == 4
+    assert all(0.2 < finding.value < 0.6 for finding in named)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.05])
+@pytest.mark.parametrize("noise", [0.0, 0.002, 0.02])
+def test_levels_repeated_within_a_few_percent_do_not_contradict(share, noise):
+    rng, mode = np.random.default_rng([43, int(1000 * noise)]), softening(share)
+    for _ in range(5):
+        levels = []
+        for amplitude in (1.0, 1.03, 2.0, 2.1, 4.0, 4.2, 8.0, 8.02):
+            f, zeta = mode(amplitude)
+            frequencies = np.linspace(f * (1 - 3 * zeta), f * (1 + 3 * zeta), 41)
+            levels.append(swept(2 * MASS * zeta * amplitude, frequencies, mode, noise, rng))
+        read = estimate.amplitude_dependent_mode(levels)
+        assert "levels-disagree" not in {finding.code for finding in read.findings}
+
+
 def test_no_level_of_a_linear_mode_jumps_however_few_its_lines_and_noisy():
     rng, linear = np.random.default_rng(11), softening(0.0)
     for lines in (9, 15, 41):
