@@ -326,7 +326,7 @@ _LEAST = 1e-12
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
-    """Lower triangular roots (draw, n, n) of covariance matrices (draw, n, n) that rounding may have left indefinite."""
+    """Lower roots (draw, n, n) of covariance matrices (draw, n, n) that rounding may have left indefinite."""
     scale = np.sqrt(np.maximum(np.einsum("dii->di", covariance), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(covariance / (scale[:, :, None] * scale[:, None, :]))
     definite = np.einsum("dij,dj,dkj->dik", vectors, np.maximum(values, _LEAST), vectors)

@@ -9,6 +9,7 @@ all lines (Arslan, Aykan and Ozguven 2011); at constant force only for those abo
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
@@ -288,7 +289,7 @@ def _contradictions(located: Sequence[_Lines], read: Sequence[_Resonance], modal
     backbone = _Backbone.of(read, mass)
     order = np.argsort([one.amplitude for one in read])
     found = []
-    for below, above in zip(order, order[1:], strict=False):
+    for below, above in pairwise(order):
         a, b = read[below], read[above]
         if b.amplitude >= _ALIKE * a.amplitude:
             continue
