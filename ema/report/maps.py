@@ -93,7 +93,12 @@ def _judged(one: Statement) -> tuple[Cell, ...]:
     ends = [str(rounded(bound, half, 4)) if np.isfinite(bound) else text("open") for bound in (one.lower, one.upper)]
     interval = MISSING if np.isnan(one.lower) else text("{low} to {high}", low=ends[0], high=ends[1])
     bounds = _bounds(one.low, one.high)
-    return bounds, rounded(one.value, half, 4), interval, word(one.verdict), one.reason or MISSING, word(one.quantity)
+    return bounds, rounded(one.value, half, 4), interval, word(one.verdict), one.reason or MISSING, _looked_at(one)
+
+
+def _looked_at(one: Statement) -> str:
+    """What was measured for a statement, where anything was."""
+    return word(one.quantity) if one.quantity else MISSING
 
 
 def statement_lines(result: StudyResult) -> list[str]:
@@ -279,7 +284,10 @@ def _side(index: float, ratio: float) -> str:
     return text("slips: press more") if ratio > 1 else text("sticks: press less")
 
 
-def _bounds(low: float, high: float) -> str:
+def _bounds(low: float, high: float) -> Cell:
+    """With which values a statement holds."""
+    if not np.isfinite(low) and not np.isfinite(high):
+        return MISSING
     if not np.isfinite(low):
         return text("up to {high}", high=short(high))
     if not np.isfinite(high):

@@ -219,15 +219,16 @@ class StatementTable(Table):
     Hz, and ``other`` another run. Of a run that is a release: ``start`` s of the release, ``band`` Hz that holds the
     mode, and ``other`` the release that it is compared with. Damping and level effect in percent, misfit and ratios as
     they are. ``implausible`` says which parameter of a match cannot be believed, ``assumed`` which one was assumed or
-    chosen for it (that of the
-    recipe by default). The quantities are defined in :mod:`ema.compare.map_features`.
+    chosen for it (that of the recipe by default). A sentence that nothing here measures names no quantity, map or run,
+    but in ``missing`` what it would take. The quantities are defined in :mod:`ema.compare.map_features`.
     """
 
     text: str
     source: str
-    quantity: Quantity
+    quantity: Quantity | None = None
     verdict: Verdict
     sentence: str = ""
+    missing: str = ""
     map: str = ""
     run: str = ""
     other: str = ""
@@ -246,6 +247,8 @@ class StatementTable(Table):
 
     @model_validator(mode="after")
     def _sound(self) -> "StatementTable":
+        if self.quantity is None or self.missing:
+            return self._unmeasured()
         if bool(self.map) == bool(self.run):
             raise ValueError("a statement is about a map or about a run; name one of the two")
         if self.quantity in RELEASE_QUANTITIES:
@@ -261,6 +264,16 @@ class StatementTable(Table):
             ends = getattr(self, name)
             if ends is not None and ends[0] > ends[1]:
                 raise ValueError(f"{name} goes from a lower to a higher value, got {ends[0]:g} to {ends[1]:g}")
+        return self
+
+    def _unmeasured(self) -> "StatementTable":
+        """A sentence of the publication that nothing here measures."""
+        if self.quantity is not None or self.map or self.run:
+            raise ValueError("missing is for a sentence that nothing measures; leave out quantity, map and run, or it")
+        if not self.missing:
+            raise ValueError("a statement needs a quantity, or in missing what it would take to measure it")
+        if self.verdict != "not testable here" or not self.sentence:
+            raise ValueError("with missing, a statement has its sentence and the verdict 'not testable here'")
         return self
 
 

@@ -28,7 +28,7 @@ def measured(table: StatementTable, campaign: Campaign) -> Measure:
         return estimate(a / b, abs(a / b) * float(np.hypot(da / a, db / b)))
     if table.quantity in ("missing damping", "difference of envelopes"):
         return _compared(table, record, _record(campaign, table.other))
-    kind, _, what = table.quantity.partition(" ")
+    kind, _, what = (table.quantity or "").partition(" ")
     return _of_phase(table, record, kind, what)
 
 

@@ -42,8 +42,10 @@ def judge(
     charts, results = {one.name: one for one in maps}, {one.run.id: one for one in runs}
     judged = []
     for table in tables:
-        accepted = False
-        if table.quantity in RELEASE_QUANTITIES and campaign is not None:
+        accepted, strict = False, (table.quantity or "").startswith(_STRICT)
+        if table.quantity is None:
+            measures = [features.missing(table.missing)]
+        elif table.quantity in RELEASE_QUANTITIES and campaign is not None:
             measures = [releases.measured(table, campaign)]
         elif table.map:
             measures = _of_map(table, charts)
@@ -51,7 +53,7 @@ def judge(
             measure, accepted = _of_run(table, results)
             measures = [measure]
         verdict: Verdict
-        verdict, measure = features.decide(measures, table.low, table.high, table.quantity.startswith(_STRICT))
+        verdict, measure = features.decide(measures, table.low, table.high, strict)
         why = ""
         if verdict == "matched":
             verdict, why = _with(table, assumed)
@@ -295,6 +297,8 @@ def _named(known: Mapping[str, "MapResult"] | Mapping[str, "RunResult"], name: s
 
 def _quantity(table: StatementTable, *, accepted: bool) -> str:
     """What was looked at, in words."""
+    if table.quantity is None:
+        return ""
     parts: list[str] = [table.quantity]
     if table.quantity in RELEASE_QUANTITIES:
         parts += [table.run, f"against {table.other}"] if table.other else [table.run]

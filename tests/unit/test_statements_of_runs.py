@@ -10,6 +10,8 @@ from ema.data import Condition, Finding, FrfSet, ModalModel, Run, RunResult, Sta
 from ema.data.modal import COVERAGE_FACTOR, damping_ratios, natural_frequencies
 from ema.examples import frf_set, modal_model
 from ema.fit import local_fit
+from ema.report import maps as maps_of_report
+from ema.report.numbers import MISSING
 from ema.study import chain, recipe, statements
 from tests.unit import measured_signals as drawn
 
@@ -86,6 +88,36 @@ def test_a_mode_that_does_not_exist_is_not_testable_and_the_others_are_judged():
     assert [one.verdict for one in verdicts] == ["matched", "not testable here", "not testable here"] * 4
     assert "a mode of r near 75 Hz (no peak near the wanted frequency)" in verdicts[1].reason
     assert "500 Hz" in verdicts[2].reason
+
+
+def test_a_sentence_that_nothing_measures_is_listed_with_what_it_would_take():
+    table = recipe.StatementTable(
+        text="the change far from the beam over that beside it",
+        source="section 2.2",
+        sentence="It affects the whole structure.",
+        verdict="not testable here",
+        missing="responses beside the beam",
+    )
+    (one,) = statements.judge([table], (), ())
+    assert one.met and one.quoted and np.isnan(one.value)
+    assert one.reason == "It would take responses beside the beam."
+    shown = [str(cell) for cell in maps_of_report._judged(one)]
+    assert shown == [MISSING, MISSING, MISSING, "not testable here", one.reason, MISSING]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"missing": ""}, "needs a quantity, or in missing"),
+        ({"verdict": "matched"}, "the verdict 'not testable here'"),
+        ({"sentence": ""}, "has its sentence"),
+        ({"quantity": "run damping", "run": "r", "near": 1.0, "low": 0}, "leave out quantity, map and run, or it"),
+    ],
+)
+def test_such_a_sentence_claims_nothing_else(changes, said):
+    whole = {"text": "t", "source": "s", "sentence": "A.", "verdict": "not testable here", "missing": "more"}
+    with pytest.raises(ValueError, match=said):
+        recipe.StatementTable(**(whole | changes))
 
 
 @pytest.fixture(scope="module")
