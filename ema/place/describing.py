@@ -28,7 +28,7 @@ def secant_table(name: str, parameters: tuple[tuple[str, float], ...]) -> Comple
             "the predictor takes no law that depends on velocity",
             where=f"law {name}",
             got=name,
-            expected="masing, parallel masing, iwan, regularised masing or dahl",
+            expected="a law that depends on displacements alone, as all others do",
             advice="rank with Dahl, and check the shortlist with LuGre in ema.simulate",
         )
     amplitudes = np.exp(np.linspace(START, END, SIZE))

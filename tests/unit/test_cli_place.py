@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from ema import store
 from ema.cli.app import app
 from ema.data import Placement
+from ema.place import recipe as place_recipe
 from tests.golden_json import assert_keys
 from tests.unit.placement_rig import RECIPE, write_recipe
 
@@ -87,6 +88,12 @@ def test_a_damaged_kept_place_is_computed_again(done):
     kept[0].write_bytes(b"half")
     again = run(str(recipe), "--output", str(folder / "out"), "--resume", "--json")
     assert json.loads(again.stdout)["places"] == json.loads(first.stdout)["places"]
+
+
+@pytest.mark.parametrize("law", ["modified iwan", "valanis", "bouc wen"])
+def test_every_law_that_depends_on_displacements_alone_is_placed(tmp_path, law):
+    recipe = write_recipe(tmp_path, RECIPE.replace('name = "masing"', f'name = "{law}"', 1))
+    assert place_recipe.load(recipe).bolted_joint().law.name == law
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,16 @@ def test_secant_stiffness_is_that_of_the_loops():
         )
 
 
-@pytest.mark.parametrize("law", [("regularised masing", (("exponent", 8.0),)), ("dahl", (("shape", 1.0),))])
+@pytest.mark.parametrize(
+    "law",
+    [
+        ("regularised masing", (("exponent", 8.0),)),
+        ("dahl", (("shape", 1.0),)),
+        ("valanis", (("kappa", 0.5),)),
+        ("bouc wen", (("exponent", 2.0), ("gamma", 0.3))),
+        ("modified iwan", (("chi", 0.5), ("beta", 1.0), ("springs", 60.0))),
+    ],
+)
 def test_secant_stiffness_of_smooth_laws_carries_the_area_of_their_loops(law):
     table = secant_table(*law)
     for amplitude in (0.5, 3.0, 30.0):
