@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema import place, shapes, simulate
+from ema import examples, place, shapes, simulate
 from ema.data import Finding, FrictionLaw, Geometry, ModalModel
 from ema.data.modal import poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam, Placement, Ranking
@@ -310,3 +310,19 @@ def test_bad_questions_get_one_sentence(table):
             place.Objective(aim="beauty"),
             draws=0,
         )
+
+
+def test_the_answer_says_that_a_linear_fit_reads_its_damping_and_what_steady_states_have():
+    given = examples.placement()
+    forecast = given.forecast
+    fitted = replace(
+        forecast,
+        damping=1.3 * forecast.damping,
+        damping_low=1.2 * forecast.damping_low,
+        damping_high=forecast.damping * 2,
+    )
+    steady = 100 * given.ranking.best.damping[0].min()
+    words = answer(replace(given, forecast=fitted))
+    assert f"N as a linear fit of the test reads it ({steady:.2f} % by the power of steady states)," in words
+    for other in (given, replace(given, forecast=None), replace(given, forecast=replace(fitted, method="frozen"))):
+        assert "linear fit" not in answer(other)
