@@ -14,7 +14,7 @@ from ema.messages.lists import listed
 from ema.place.objective import IN_DECIBELS
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
-from ema.report.numbers import plain, short
+from ema.report.numbers import fixed, plain, short
 from ema.report.trials import proposal, trial_blocks
 from ema.show.placement import score_unit
 from ema.synthesis import frfs as synthesised
@@ -62,7 +62,7 @@ def answers(placement: Placement) -> list[str]:
 
 
 def place_blocks(placement: Placement, book: Book) -> list[Block]:
-    """The recommended place on the geometry, and the best places as a table."""
+    """The recommended place on the geometry, the best places as a table, and the numbers of the answer."""
     ranking, best = placement.ranking, placement.ranking.best
     where = text(
         "at ({x}, {y}) m with F_N {force} N in every joint",
@@ -87,6 +87,7 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
             ),
         ),
         _table(placement, book),
+        *_answered(placement, book),
     ]
 
 
@@ -269,16 +270,7 @@ def answer(placement: Placement) -> str:
             )
         else:
             gained = text("Mode {mode}: {bare} -> at least {damping}{bounds} damping at {low} to {high} N,", **words)
-        sentences.append(
-            gained
-            + " "
-            + _shifts(
-                float(ranking.prediction.bare_frequencies[m]),
-                float(best.frequency[m, row]),
-                float(best.mass_shift[m]),
-                float(best.stiffness_shift[m]),
-            )
-        )
+        sentences.append(gained + " " + _shifts(placement, m))
     return " ".join(sentences)
 
 
@@ -292,13 +284,22 @@ def _no_gain(placement: Placement) -> str:
     return text(_NO_GAIN[aim], modes=listed([text("mode {mode}", mode=mode + 1) for mode in modes]))
 
 
-def _shifts(bare: float, loaded: float, mass: float, joints: float) -> str:
-    """Frequencies in Hz without and with the beam, and parts of the shift whose printed digits add up.
+def _parts(placement: Placement, m: int) -> list[float]:
+    """Frequencies in Hz without and with the beam, and the parts of the shift by mass, by sticking joints and the rest,
+    whose printed digits add up.
 
     The parts by mass and by sticking joints are of first order in the bare mode; the rest is what remains.
     """
-    before, after, by_mass, by_joints = (round(value, 1) for value in (bare, loaded, mass, joints))
-    rest = after - before - by_mass - by_joints
+    best, row = placement.best, int(np.nanargmin(placement.best.damping[m]))
+    bare = float(placement.ranking.prediction.bare_frequencies[m])
+    values = (bare, float(best.frequency[m, row]), float(best.mass_shift[m]), float(best.stiffness_shift[m]))
+    before, after, by_mass, by_joints = (round(value, 1) for value in values)
+    return [before, after, by_mass, by_joints, after - before - by_mass - by_joints]
+
+
+def _shifts(placement: Placement, m: int) -> str:
+    """The shift of a mode and its parts, in words."""
+    before, after, by_mass, by_joints, rest = _parts(placement, m)
     return text(
         "{before} -> {after} Hz (mass {by_mass} Hz, sticking joints {by_joints} Hz, sliding, "
         "other modes and higher order {rest} Hz).",
@@ -308,6 +309,49 @@ def _shifts(bare: float, loaded: float, mass: float, joints: float) -> str:
         by_joints=f"{by_joints:+.1f}",
         rest=f"{rest:+.1f}",
     )
+
+
+def _answered(placement: Placement, book: Book) -> list[Block]:
+    """The numbers of the answer: where the joints are, and what each mode does."""
+    ranking, best = placement.ranking, placement.best
+    joints = ranking.prediction.candidates.joints(best.candidate)
+    spots: list[list[Cell]] = [
+        [number, fixed(float(x), 3), fixed(float(y), 3), plain(best.normal_force, 3)]
+        for number, (x, y) in enumerate(joints, 1)
+    ]
+    rows: list[list[Cell]] = []
+    for m, mode in enumerate(ranking.prediction.modes):
+        row = int(np.nanargmin(best.damping[m]))
+        before, after, *parts = _parts(placement, m)
+        damping = (ranking.prediction.bare_damping[m], best.damping[m, row], best.damping_low[m, row])
+        rows.append(
+            [
+                mode + 1,
+                fixed(before, 1),
+                *(fixed(part, 1) for part in parts),
+                fixed(after, 1),
+                *(fixed(100 * float(value), 2) for value in (*damping, best.damping_high[m, row])),
+                fixed(100 * float(np.nanmin(ranking.best.damping[m])), 2),
+            ]
+        )
+    columns = (
+        text("Mode"),
+        text("f bare [Hz]"),
+        text("By mass [Hz]"),
+        text("By sticking joints [Hz]"),
+        text("Rest [Hz]"),
+        text("f with the beam [Hz]"),
+        text("ζ bare [%]"),
+        text("Least ζ [%]"),
+        text("low"),
+        text("high"),
+        text("Least ζ by power [%]"),
+    )
+    caption = text("The best place mode by mode: least damping over the levels, and the parts of the shift there.")
+    return [
+        book.table("joints", text("Joints of the best place."), (text("Joint"), "x [m]", "y [m]", "F_N [N]"), spots),
+        book.table("answer", caption, columns, rows),
+    ]
 
 
 def _table(placement: Placement, book: Book) -> Block:

@@ -271,3 +271,14 @@ def test_the_first_screen_says_of_the_place_what_the_forecast_says(tmp_path: Pat
     assert placement_answer(replace(told, forecast=replace(forecast, **holes))) == placement_answer(ranked)
     elsewhere = replace(forecast, normal_forces=np.array([0.3, 0.4]) * best.normal_force)
     assert placement_answer(replace(told, forecast=elsewhere)) == placement_answer(ranked)
+
+
+def test_every_number_of_the_answer_is_found_in_a_table(page: Page, result: StudyResult):
+    cells = {cell for table in page.tables for row in table[1:] for cell in row}
+    assert result.placement is not None
+    said = placement_answer(result.placement)
+    # "at 10 to 40 N": the levels of the ranking, which the recommended forces list
+    numbers = re.findall(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?= %|, | Hz|\)|\])", said)
+    numbers += re.findall(r"\((\d\.\d{3}), (\d\.\d{3})\) m", said)[0]
+    assert len(numbers) > 8
+    assert [number for number in numbers if number.lstrip("+") not in cells] == []
