@@ -1,16 +1,20 @@
 """One resonance that a linear fit took apart is told; true modes that are near each other are not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from ema import fit
 from ema.data import ModalModel, poles_from
 from ema.dof import Dof
 from ema.fit.companions import companions
+from tests.bench.repeated_roots import symmetric
 
 POINTS = np.linspace(0, np.pi, 12)
 BENDING, TWIST = np.sin(POINTS), np.cos(POINTS)
 OUTER = np.where(np.abs(POINTS - np.pi / 2) > 0.9, 1.0, 0.5)
-"""Where the blow is large enough for slip: there the heavily damped part has the larger share."""
+"""Where the impact is large enough for slip: there the heavily damped part has the larger share."""
 
 
 def model(frequencies: list[float], damping: list[float], shapes: list[np.ndarray], dofs: int = 12) -> ModalModel:
@@ -44,6 +48,30 @@ def test_modes_apart_and_modes_of_other_shapes_are_left_alone():
 def test_few_points_tell_nothing(dofs):
     turned = BENDING * np.exp(1j * np.linspace(0, 2, 12))
     assert companions(model([500.0, 501.0], [0.01, 0.01], [turned, turned], dofs)) == ()
+
+
+@pytest.mark.parametrize(("seed", "number"), [(5301, 8), (5302, 1), (5302, 16)])
+def test_double_roots_of_linear_plates_are_no_resonance_in_parts(seed, number):
+    """Plates in closed form: their shapes are real, those of a fit are any from the space of each double root."""
+    frfs = symmetric(seed, number).case.frfs
+    found = fit.modes(frfs, fit.stabilise(frfs))
+    codes = [finding.code for finding in found.findings]
+    assert found.groups and "mode-group" in codes
+    assert "one-resonance-in-parts" not in codes
+
+
+def test_two_references_tell_two_modes_from_parts_that_share_their_participation():
+    """A double root whose shapes were mixed with complex factors, and its participation with the inverse of these."""
+    mixing = np.array([[1.0, 0.9], [0.4j, 0.8]])
+    shapes = np.array([BENDING, TWIST]).T
+    mixed = shapes @ mixing
+    double = model([500.0, 501.0], [0.01, 0.01], list(mixed.T))
+    references = double.dofs[2:5:2]
+    sees_two = np.linalg.solve(mixing, shapes[[2, 4]].T).T
+    assert companions(replace(double, inputs=references, participation=sees_two)) == ()
+    sees_one = np.outer(BENDING[[2, 4]], [1.0, 0.7j])
+    (finding,) = companions(replace(double, inputs=references, participation=sees_one))
+    assert finding.where.endswith("modes 1, 2")
 
 
 def test_nothing_and_one_mode():

@@ -85,7 +85,6 @@ IN_ENGLISH: dict[str, int] = {
     "ema/estimate/live.py": 1,
     "ema/estimate/nonlinearity.py": 2,
     "ema/estimate/record_agreement.py": 1,
-    "ema/fit/companions.py": 1,
     "ema/fit/full_set.py": 1,
     "ema/fit/opinion.py": 1,
     "ema/fit/peaks.py": 1,

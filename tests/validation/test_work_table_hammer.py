@@ -107,6 +107,17 @@ def test_one_linear_mode_explains_the_frfs_where_the_joint_sticks_again(analysed
     assert max(one.upper for one in effects) < 1, "no decay loses more than all of what the impact gave"
 
 
+def test_poles_that_slip_makes_of_one_resonance_are_named_as_its_parts():
+    """One mode of the sticking table lies between 450 and 560 Hz (505.4 Hz); a linear fit makes several there."""
+    rig = work_table_hammer._rig("beam", 2000.0, 500.0, tuple(range(1, 79, 8)))
+    frfs, _ = estimate.hammer_test(Run("beam", Condition(rig.drive.excitation), tuple(rig.takes())))
+    band = frfs.band(*BAND)
+    found = fit.modes(band, fit.stabilise(band))
+    within = (found.natural_frequencies > 450) & (found.natural_frequencies < 560)
+    assert np.count_nonzero(within) > np.count_nonzero((stuck(2000.0)[0] > 450) & (stuck(2000.0)[0] < 560)) == 1
+    assert "one-resonance-in-parts" in [finding.code for finding in found.findings]
+
+
 @pytest.mark.parametrize(("force", "near", "low", "high"), [(1000.0, 492.0, 0.3, 1.0), (5000.0, 507.0, 0.0, 0.05)])
 def test_half_the_impact_changes_the_damping_where_the_joint_slips_and_not_where_it_sticks(force, near, low, high):
     """One linear mode fitted to the FRFs of eight points, impacts of 1 and of 0.5 kN: at least 30 % at 1 kN, at most 5 %
