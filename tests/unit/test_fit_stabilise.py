@@ -8,7 +8,8 @@ import pytest
 from ema.data import poles_from
 from ema.errors import CancelledError, InputError
 from ema.fit import stabilise
-from ema.fit.stabilisation import TOLERANCES, _letters
+from ema.fit.prepare import prepare
+from ema.fit.stabilisation import TOLERANCES, _degrees, _letters
 from tests.unit.fit_rig import frfs, model
 
 
@@ -86,6 +87,26 @@ def test_an_order_too_high_for_the_lines_is_refused():
     measured = frfs(model([110.0], [0.004]), 90, 130, 40)
     with pytest.raises(InputError, match=r"too high for the number of frequency lines.*orders up to 20"):
         stabilise(measured, [22])
+
+
+@pytest.mark.parametrize(
+    ("orders", "expected"),
+    [
+        (range(2, 5001, 2), "got 2500 orders up to 5000, expected orders up to 892 of these"),
+        ([4800], "got 1 order up to 4800, expected orders up to 4308"),
+    ],
+)
+def test_orders_that_would_take_hours_are_refused_at_once(orders, expected):
+    """One FRF of 16 385 lines, which would allow orders up to 8192: the eigenvalue problems grow with their cube."""
+    measured = frfs(model([110.0], [0.004], dofs=1), 90, 130, 16385)
+    with pytest.raises(InputError, match=f"too much work.*{expected}.*narrower band"):
+        stabilise(measured, orders)
+
+
+def test_the_usual_orders_may_be_named_for_any_number_of_references():
+    truth = model([110.0], [0.004], dofs=48, drive=tuple(range(48)))
+    prepared = prepare(frfs(truth, 90, 130, 3201, noise=0.01))
+    assert _degrees(None, prepared) == _degrees([2 * degree for degree in _degrees(None, prepared)], prepared)
 
 
 def test_added_decay_is_taken_off_every_pole_exactly():
