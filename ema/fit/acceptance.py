@@ -82,7 +82,8 @@ def judge(
     damping = damping_ratios(fit.poles + added_decay)
     visible = energy[0] >= policy.visible
     limit = np.where(visible, policy.visible_uncertainty, policy.damping_uncertainty)
-    std_f, std_z, scatter = errors.frequency, errors.damping, errors.scatter
+    stated = errors.stated
+    std_z, scatter = errors.damping, errors.scatter
     group = groups(fit, errors, possible, policy)
     members = np.bincount(group, minlength=len(group) + 1)[group] > 1
     # Half-power bandwidths in lines.
@@ -110,8 +111,13 @@ def judge(
     # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
     doubtful = tones | steady | one_side | lonely
     resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~doubtful
+    # What is no noise leaves the damping open: a resonance that is seen as the one peak of its place is there still.
+    vague = resonant & ~unresolved & (stated.damping > limit * damping)
+    resonant &= ~vague | visible
+    resonant &= ~_parts(fit, stated.frequency / policy.frequency_uncertainty, group, resonant, vague, energy[1])
+    std_f = stated.frequency
     spacing, apart = _distances(fit, group, resonant)
-    confidence = _confidence(fit, errors, group, resonant, damping=damping, limit=policy.shape_scatter)
+    confidence = _confidence(fit, stated, group, resonant, damping=damping, limit=policy.shape_scatter)
     accepted, reasons = possible.copy(), [""] * len(fit.poles)
     for pole in np.flatnonzero(possible):
         reason = ""
@@ -130,7 +136,7 @@ def judge(
         elif explained[pole] < 1:
             reason = f"it explains {explained[pole]:.2g} times what noise may"
         elif not resonant[pole]:
-            reason = f"its damping is uncertain by {std_z[pole] / damping[pole]:.0%}"
+            reason = f"its damping is uncertain by {stated.damping[pole] / damping[pole]:.0%}"
         elif std_f[pole] > policy.frequency_uncertainty * spacing[pole]:
             reason = f"its frequency is uncertain by {std_f[pole]:.2g} Hz, {spacing[pole]:.2g} Hz from a neighbour"
         elif std_f[pole] > 0.5 * apart[pole]:
@@ -281,6 +287,29 @@ def _distances(
     plane = np.where(other & alike, np.abs(fit.poles[:, None] - fit.poles) / (2 * np.pi), np.inf)
     along = np.where(other & (alike | unlike), np.abs(frequencies[:, None] - frequencies), np.inf)
     return plane.min(axis=1, initial=np.inf), along.min(axis=1, initial=np.inf)
+
+
+def _parts(
+    fit: Fit,
+    reach: Float[np.ndarray, "pole"],
+    group: Int[np.ndarray, "pole"],
+    resonant: Bool[np.ndarray, "pole"],
+    vague: Bool[np.ndarray, "pole"],
+    energy: Float[np.ndarray, "pole"],
+) -> Bool[np.ndarray, "pole"]:
+    """Poles of ``vague`` damping within ``reach`` [Hz] of a resonance of the same participation, or it within theirs:
+    parts of one peak, which a linear fit takes several of where the resonance changes with amplitude. What is not vague
+    is no part, nor is the pole with the most energy.
+    """
+    alike = (macs(fit.participation.T) > 0.9) & (group[:, None] != group)
+    distance = np.abs(fit.poles[:, None] - fit.poles) / (2 * np.pi)
+    one_place = alike & (distance < np.maximum(reach[:, None], reach))
+    parts = np.zeros(len(vague), bool)
+    candidates = np.flatnonzero(vague & resonant)
+    for pole in candidates[np.argsort(energy[candidates], kind="stable")]:
+        others = resonant & ~parts & one_place[pole]
+        parts[pole] = bool(np.any(others & (~vague | (energy > energy[pole]))))
+    return parts
 
 
 def _confidence(

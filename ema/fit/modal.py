@@ -164,6 +164,7 @@ class Estimate:
         order = order[np.argsort(np.abs(fit.poles[order]), kind="stable")]
 
         def made(data: Prepared, optimum: Refined, errors: PoleErrors) -> ModalModel:
+            errors = replace(errors, beyond=self.errors.beyond)
             return _model(
                 self.band,
                 data,
@@ -184,7 +185,7 @@ class Estimate:
         if self.compared is not None and self.frfs.set_ups is not None:
             model = set_up_shifts.stated(model, self.compared, self.frfs.set_ups)
         model = self._unsettled(model)
-        added = peak_shape.variances(self.shapes, fit.poles)[order]
+        added = self.errors.beyond[order]
         model = uncertainty.widened(model, added, "what the shape of the residual amounts to")
         reported = tuple(shape for shape in self.shapes if shape.pole in order)
         frequencies = natural_frequencies(fit.poles + self.band.added_decay)
@@ -375,7 +376,9 @@ def _of_file(frfs: FrfSet, band: FrfSet, poles: PoleTable, progress: Progress) -
         band=band,
         data=whole.data,
         optimum=whole.optimum,
-        errors=uncertainty.amplified(whole.errors, whole.optimum.fit, found.feedback),
+        errors=uncertainty.amplified(
+            replace(whole.errors, beyond=found.errors.beyond), whole.optimum.fit, found.feedback
+        ),
         verdict=with_shapes(found.verdict, whole.errors.scatter, POLICY),
         full_set=whole,
     )
@@ -553,6 +556,10 @@ def _once(
     dropped = (*chosen.dropped, *optimum.dropped)
     verdict = _verdict(band, optimum, errors, possible, alone=alone, dropped=dropped)
     shapes = peak_shape.examine(optimum, errors, verdict.possible, verdict.accepted)
+    if shapes:
+        # A pole is a mode by its intervals as they are stated.
+        errors = replace(errors, beyond=peak_shape.variances(shapes, optimum.fit.poles))
+        verdict = _verdict(band, optimum, errors, possible, alone=alone, dropped=dropped)
     return Estimate(band, poles, band, data, optimum, errors, verdict, dropped, shapes, alone, stopped=chosen.stopped)
 
 
@@ -707,7 +714,7 @@ def _model(
         confidence=verdict.confidence[order],
         groups=_groups(verdict.group[order]),
         candidates=tuple(
-            _candidate(fit, errors, verdict, pole, band.added_decay)
+            _candidate(fit, errors.stated, verdict, pole, band.added_decay)
             for pole in outside[np.argsort(np.abs(poles[outside]), kind="stable")].tolist()
             if verdict.listed[pole] and not verdict.accepted[pole]
         ),
@@ -813,7 +820,7 @@ def _findings(
             )
         )
     poles = optimum.fit.poles
-    found += _unresolved(where, poles, errors, order[verdict.unresolved[order]], band.added_decay)
+    found += _unresolved(where, poles, errors.stated, order[verdict.unresolved[order]], band.added_decay)
     if verdict.tones.any():
         listed = ", ".join(f"{f:.6g} Hz" for f in np.sort(natural_frequencies(poles[verdict.tones]))[:_NAMED])
         found.append(

@@ -28,6 +28,7 @@ from jaxtyping import Bool, Complex, Float
 from ema.data import Finding
 from ema.fit import estimator
 from ema.fit.estimator import Fit, Observations
+from ema.fit.policy import POLICY
 from ema.fit.refinement import Refined
 from ema.fit.uncertainty import PoleErrors
 from ema.messages import mark
@@ -93,7 +94,7 @@ def examine(
     """Look at the residual around some ``poles`` of an optimum, of which some are ``accepted`` as modes.
 
     A pole that is no mode, next to a mode and of the same shape, stands for what is left of the peak: it counts as
-    residual.
+    residual. Where a pole is not seen as a peak, what is left around it is that of other ones.
 
     Returns
     -------
@@ -102,8 +103,9 @@ def examine(
     """
     fit, data = optimum.fit, optimum.data
     residual = estimator.residual(data, fit)[:, 0]
+    seen = estimator.shares_of_energy(data, fit)[0] >= POLICY.visible
     peaks = []
-    for pole in np.flatnonzero(poles):
+    for pole in np.flatnonzero(poles & seen):
         decay, centre = -fit.poles[pole].real, fit.poles[pole].imag
         near = np.abs(data.s.imag - centre) < REACH * decay
         lines = int(np.count_nonzero(near))

@@ -34,6 +34,8 @@ class PoleErrors:
     """Uncertainty of every pole of an optimum: errors of the poles by independent causes of unit variance (pole, cause)
     in rad/s, standard deviations of natural frequency [Hz] and damping ratio, and variance of each shape over its
     energy without what only rescales or turns it, each output in units of its noise.
+
+    ``beyond`` are variances of natural frequency [Hz^2] and damping ratio that no noise makes: `stated` has them.
     """
 
     poles: Complex[np.ndarray, "pole cause"]
@@ -42,6 +44,13 @@ class PoleErrors:
     scatter: Float[np.ndarray, "pole"]
     root: Float[np.ndarray, "unknown cause"]
     modes: tuple[_Errors, ...]
+    beyond: Float[np.ndarray, "pole 2"]
+
+    @property
+    def stated(self) -> "PoleErrors":
+        """The errors with all that widens the intervals of frequency and damping."""
+        frequency, damping = np.sqrt(np.stack([self.frequency, self.damping]) ** 2 + self.beyond.T)
+        return replace(self, frequency=frequency, damping=damping, beyond=np.zeros_like(self.beyond))
 
 
 def errors_of(optimum: Refined) -> PoleErrors:
@@ -51,11 +60,15 @@ def errors_of(optimum: Refined) -> PoleErrors:
     modes = len(fit.poles)
     each = tuple(_errors(optimum, root, mode) for mode in range(modes))
     scatter = np.array([_scatter(fit.shapes[:, 0, mode], each[mode]) for mode in range(modes)])
-    return _of_poles(fit, each, scatter.reshape(modes), root)
+    return _of_poles(fit, each, scatter.reshape(modes), root, np.zeros((modes, 2)))
 
 
 def _of_poles(
-    fit: Fit, each: tuple[_Errors, ...], scatter: Float[np.ndarray, "pole"], root: Float[np.ndarray, "unknown cause"]
+    fit: Fit,
+    each: tuple[_Errors, ...],
+    scatter: Float[np.ndarray, "pole"],
+    root: Float[np.ndarray, "unknown cause"],
+    beyond: Float[np.ndarray, "pole 2"],
 ) -> PoleErrors:
     poles = np.array([mode.pole for mode in each], complex).reshape(len(each), root.shape[1])
     size = np.abs(fit.poles)[:, None]
@@ -68,6 +81,7 @@ def _of_poles(
         scatter=scatter,
         root=root,
         modes=each,
+        beyond=beyond,
     )
 
 
@@ -120,7 +134,7 @@ def amplified(found: PoleErrors, fit: Fit, gains: Gains) -> PoleErrors:
         )
         for number, errors in enumerate(found.modes)
     )
-    return _of_poles(fit, each, found.scatter, np.pad(found.root, ((0, 0), (0, 2 * modes))))
+    return _of_poles(fit, each, found.scatter, np.pad(found.root, ((0, 0), (0, 2 * modes))), found.beyond)
 
 
 def _scatter(psi: Complex[np.ndarray, "out"], errors: _Errors) -> float:
