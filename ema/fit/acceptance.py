@@ -259,13 +259,17 @@ def _residue_noise(optimum: Refined, errors: PoleErrors, members: Int[np.ndarray
     own = inflation * fit.local[:, rows[:, None], rows]
     shared = 0.0
     total = 0.0
+    # An entry of which the information tells nothing is one that the shapes make up for: it moves no joint residue.
+    by_part = np.diag(fit.information).reshape(2, -1)[:, modes:] > 0
+    told = np.ones(fit.participation.shape)
+    told.reshape(-1)[fit.free] = by_part.all(axis=0)
     for i, entries in enumerate(fit.participation[:, members]):
         real = np.concatenate([entries.real, -entries.imag])
         imaginary = np.concatenate([entries.imag, entries.real])
         total += float(np.sum(np.einsum("a,oab,b->o", real, own, real)))
         total += float(np.sum(np.einsum("a,oab,b->o", imaginary, own, imaginary)))
         change = sum(
-            entry * errors.modes[m].shape + fit.shapes[:, 0, [m]] * errors.modes[m].participation[i]
+            entry * errors.modes[m].shape + told[i, m] * fit.shapes[:, 0, [m]] * errors.modes[m].participation[i]
             for entry, m in zip(entries, members, strict=True)
         )
         shared += float(np.sum(np.abs(change) ** 2))

@@ -1,6 +1,6 @@
 """Search of a residual for modes that no candidate showed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.stats
@@ -135,7 +135,8 @@ def complete(data: Observations, fit: Fit, band: tuple[float, float], rounds: in
         if not chosen:
             break
         larger = estimator.with_modes(data, fit, trials[chosen], vectors[chosen])
-        larger = prune(data, _settled(data, larger, noise.required), noise)
+        larger = _settled(data, larger, noise.required)
+        larger = prune(data, larger, noise.left_by(data, larger))
         if larger.cost + noise.required * len(larger.poles) < fit.cost + noise.required * (
             len(fit.poles) - _WORTHWHILE
         ):
@@ -252,6 +253,13 @@ class Noise:
         factor, scale = fit.variance_factor(data), max(float(power.mean()), 1e-300)
         factor = max(factor, 1e-300)
         return cls(limit * factor, scale, power / scale, _correlation_gain(data, fit, factor))
+
+    def left_by(self, data: Observations, larger: Fit) -> "Noise":
+        """The same level, and for each bin and reference what a larger fit leaves there over the mean before: what its
+        new modes explain was no noise, least of all at their own places.
+        """
+        power = estimator.profile(data, larger)[0]
+        return replace(self, power=power / self.scale)
 
     def correlation_gain_at(self, poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole"]:
         """``correlation_gain`` at the damping ratios of poles."""
