@@ -21,6 +21,7 @@ from ema.fit import (
     set_ups,
     smoothing,
     uncertainty,
+    unexplained,
 )
 from ema.fit.acceptance import Verdict, judge, surplus, with_shapes
 from ema.fit.candidates import like_modes
@@ -573,7 +574,7 @@ def _verdict(
     dropped: Sequence[Dropped],
 ) -> Verdict:
     """What is said of the poles with these errors."""
-    left_out = natural_frequencies(np.array([one.pole for one in dropped], complex))
+    left_out = natural_frequencies(np.array([one.pole for one in dropped if not one.beside], complex))
     return judge(optimum, errors, possible, alone, policy=POLICY, dropped=left_out, added_decay=band.added_decay)
 
 
@@ -790,6 +791,7 @@ def _findings(
         )
     found += _repeated(where, band)
     found += _coherence(where, band)
+    found += unexplained.findings(unexplained.unexplained(optimum, data.derivative), where)
     found += _candidates(where, optimum, verdict, order, added_decay=band.added_decay)
     for drop in dropped[-_NAMED:]:
         value = np.array([drop.pole + band.added_decay])

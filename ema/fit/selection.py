@@ -50,10 +50,11 @@ speaks against it: 1 for a shape in phase. It is asked only where the residual i
 
 @dataclass(frozen=True)
 class Dropped:
-    """A candidate that was not taken, and why."""
+    """A candidate that was not taken, and why; ``beside``: within the bandwidth of a pole that stayed."""
 
     pole: complex
     reason: str
+    beside: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def select(
     fit = result.fit
     possible = like_modes(fit.poles, band)
     alone = _alone(result.data, fit, band, possible) if trusted else np.ones(len(fit.poles))
-    lost = [d for d in dropped if np.all(np.abs(fit.poles - d.pole) > np.abs(fit.poles.real) + abs(d.pole.real))]
+    lost = _lost(dropped, fit, trusted=trusted)
     return Selection(
         fit=fit,
         data=result.data,
@@ -128,9 +129,28 @@ def select(
         possible=possible,
         alone=alone,
         trusted=trusted,
-        dropped=tuple(lost),
+        dropped=lost,
         stopped=stopped,
     )
+
+
+def _lost(dropped: list[Dropped], fit: Fit, *, trusted: bool) -> tuple[Dropped, ...]:
+    """What was left out and is not in the fit. Beside a pole that stayed, a residual of noise says that this one stands
+    for both; in a misfit it may have been a second mode, and the last one that was left out there is kept.
+    """
+    lost: list[Dropped] = []
+    for one in reversed(dropped):
+        beside = _near(one, fit.poles)
+        if not beside.any():
+            lost.append(one)
+        elif not trusted and not any(other.beside and np.any(_near(other, fit.poles) & beside) for other in lost):
+            lost.append(replace(one, beside=True))
+    return tuple(reversed(lost))
+
+
+def _near(one: Dropped, poles: Complex[np.ndarray, "pole"]) -> Bool[np.ndarray, "pole"]:
+    """Poles within the bandwidth of one that was left out."""
+    return np.asarray(np.abs(poles - one.pole) <= np.abs(poles.real) + abs(one.pole.real))
 
 
 def _correlated_noise(prepared: Prepared, state: "_State", known: Float[np.ndarray, "out in freq"] | None) -> bool:
