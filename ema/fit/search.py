@@ -239,6 +239,7 @@ class Noise:
     scale: float
     power: Float[np.ndarray, "in bin"]
     correlation_gain: Float[np.ndarray, "damping"]
+    with_tones: Float[np.ndarray, "in bin"] | None = None
 
     @property
     def required(self) -> float:
@@ -256,10 +257,11 @@ class Noise:
 
     def left_by(self, data: Observations, larger: Fit) -> "Noise":
         """The same level, and for each bin and reference what a larger fit leaves there over the mean before: what its
-        new modes explain was no noise, least of all at their own places.
+        new modes explain was no noise, least of all at their own places. What poles without damping explain
+        (`estimator.NARROWEST`) may have been: a tone.
         """
         power = estimator.profile(data, larger)[0]
-        return replace(self, power=power / self.scale)
+        return replace(self, power=power / self.scale, with_tones=self.power)
 
     def correlation_gain_at(self, poles: Complex[np.ndarray, "pole"]) -> Float[np.ndarray, "pole"]:
         """``correlation_gain`` at the damping ratios of poles."""
@@ -289,6 +291,9 @@ class Noise:
             distance = (data.s.imag[None, :] - poles.imag[rows, None]) ** 2
             near = 1 / (distance + width[rows, None] ** 2)
             level[rows] = np.einsum("pi,pi->p", near @ self.power.T, shares[rows])
+            if self.with_tones is not None:
+                narrow = -poles.real[rows] <= (1 + 1e-6) * data.narrowest_decay
+                level[rows][narrow] = np.einsum("pi,pi->p", near[narrow] @ self.with_tones.T, shares[rows][narrow])
             if gain is not None:
                 own = 1 / (distance + np.maximum(poles.real[rows, None] ** 2, 0.01 * line**2))
                 held = np.einsum("pk,pk->p", own, near) / own.sum(axis=1) * np.sum(shares[rows] ** 2, axis=1)
