@@ -85,7 +85,15 @@ def unfinished(known: dict) -> list[str]:
     }
     done = {name: count(known[name]["found"]) if name in known else 0 for name, count in counts.items()}
     said = [f"{done[name]} of {wanted} {titles[name]}" for name, wanted in WANTED.items() if done[name] < wanted]
-    said += [f"no {title}" for name, title in (("halves", "halves of real measurements"),) if name not in known]
+    others = {
+        "halves": "halves of real measurements",
+        "disturbed": "disturbances",
+        "roots": "repeated roots",
+        "setups": "set-up shifts",
+        "invariance": "rescaled sets",
+        "time": "processor times of twenty seeds",
+    }
+    said += [f"no {title}" for name, title in others.items() if name not in known]
     levels = [row["title"] for row in known.get("peers", {"found": []})["found"]]
     said += [f"peers at {' and '.join(levels) or 'no noise level'}"] if len(levels) < 3 else []
     return (
