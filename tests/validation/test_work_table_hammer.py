@@ -93,6 +93,7 @@ def test_every_statement_gets_the_verdict_that_the_recipe_states(result):
         "matched with an assumed parameter",
         "matched with an implausible parameter",
         "not matched",
+        "not testable here",
     }, "what a model shows that was made for it is never simply matched"
     assert all(one.met for one in result.expectations)
     assert {one.verdict for one in judged if not one.quoted} == {"not matched"}, "no run with a beam is linear"
