@@ -112,7 +112,7 @@ class Parsers:
                 about = self._reply(self._process, START_SECONDS)
             except (wire.Broken, TimeoutError, OSError) as error:
                 self._kill()
-                raise _not_started(f"{sys.executable}: {str(error) or 'no answer'}") from error
+                raise _not_started(f"{sys.executable}: {error or 'no answer'}") from error
             if Path(about["package"]).resolve() != _package():
                 self._kill()
                 raise _not_started(f"it found another version at {about['package']}")
