@@ -94,6 +94,12 @@ def test_a_damaged_kept_place_is_computed_again(done):
 def test_every_law_that_depends_on_displacements_alone_is_placed(tmp_path, law):
     recipe = write_recipe(tmp_path, RECIPE.replace('name = "masing"', f'name = "{law}"', 1))
     assert place_recipe.load(recipe).bolted_joint().law.name == law
+    result = run(str(recipe), "--output", str(tmp_path / "out"), "--json")
+    assert result.exit_code == 0, result.output
+    placement = store.load(tmp_path / "out" / "placement.h5")
+    assert isinstance(placement, Placement)
+    bare = placement.ranking.prediction.bare_damping
+    assert np.all(np.isfinite(placement.best.damping)) and np.all(placement.best.damping > 0.9 * bare[:, None])
 
 
 @pytest.mark.parametrize(
