@@ -1,7 +1,6 @@
 """`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -44,22 +43,19 @@ def place(
 ) -> int:
     """Where a friction beam goes, and how hard to press it."""
     from ema.cli import screen
-    from ema.place.job import place as placed
-    from ema.place.shortlist import KeptPlaces
-    from ema.place.sources import bare_of_model, verdict_of
+    from ema.place.sources import bare_of_model
+    from ema.study.friction import PlacementTask, placed
     from ema.study.study import make_folder
 
     wanted, spoken = split_formats(report.formats), checked_language(report.language)
     read, origin, model = _read(source, recipe)
     folder = output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement"
     make_folder(folder)
-    verdict = verdict_of(read, origin)
     with screen.Bars() as bars:
         bare, geometry = bare_of_model(model) if model is not None else _bare(read, origin, bars)
+        task = PlacementTask(read, origin, bare, geometry)
         with workers(work.cluster, work.jobs or 1) as executor:
-            kept = KeptPlaces(folder / "checked", work.resume)
-            placement = placed(read, bare, geometry, verdict, anyway, executor, kept, bars)
-    placement = replace(placement, geometry=geometry)
+            placement = placed(task, folder / "checked", work.resume, executor, bars, anyway=anyway)
     written = _write(placement, folder, wanted, spoken)
     if json:
         screen.as_json(_as_mapping(placement, written))

@@ -36,7 +36,7 @@ def place(
     bare: ModalModel,
     geometry: Geometry,
     verdict: Verdict | None = None,
-    anyway: bool = False,
+    *,
     executor: Executor | None = None,
     kept: KeptPlaces | None = None,
     progress: Progress = silent,
@@ -52,9 +52,8 @@ def place(
     geometry : Geometry
         Points at which the beam may stand, in m.
     verdict : Verdict, optional
-        Of the joint model against a measurement, where there is one.
-    anyway : bool, default False
-        Place with a model that does not agree; the placement then carries a warning for the first line.
+        Of the joint model against a measurement, where there is one. With a model that does not agree the placement
+        carries a warning for the first line; :func:`refuse_disagreement` refuses it beforehand.
     executor : Executor, optional
         Runs the checks of the search, the forecast and the tests; by default they run in this process.
     kept : KeptPlaces, optional
@@ -70,11 +69,11 @@ def place(
     Raises
     ------
     InputError
-        The model does not agree, the modes were measured with a beam, there is no such target mode, no place was found;
-        or as :func:`ema.place.search`.
+        The modes were measured with a beam, there is no such target mode, no place was found; or as
+        :func:`ema.place.search`.
     """
     where = bare.name or "bare structure"
-    _refuse_unsuitable(bare, None if anyway else verdict, where)
+    _refuse_modes_with_a_beam(bare, where)
     task, hung = _task(recipe, bare, geometry, where)
     surface, effort, wanted = task.surface, recipe.search, recipe.wanted()
     candidates = grid(
@@ -123,8 +122,25 @@ def place(
     )
 
 
-def _refuse_unsuitable(bare: ModalModel, verdict: Verdict | None, where: str) -> None:
-    """Refuse a joint model that does not agree with its measurement, and modes that were measured with a beam."""
+def refuse_disagreement(verdict: Verdict | None, where: str) -> None:
+    """Refuse a joint model that does not agree with its measurement.
+
+    Parameters
+    ----------
+    verdict : Verdict or None
+        Of the joint model against a measurement; None where there is no measurement.
+    where : str
+        The structure or the recipe, for the message.
+
+    Raises
+    ------
+    InputError
+        The model does not agree.
+
+    Examples
+    --------
+    >>> refuse_disagreement(None, "table")
+    """
     if verdict is not None and not verdict.agrees:
         raise InputError(
             "the joint model does not agree with the measurement",
@@ -133,6 +149,10 @@ def _refuse_unsuitable(bare: ModalModel, verdict: Verdict | None, where: str) ->
             expected="a model that agrees",
             advice="update the model, or place with --anyway",
         )
+
+
+def _refuse_modes_with_a_beam(bare: ModalModel, where: str) -> None:
+    """Refuse modes that were measured with a friction beam."""
     if bare.condition.joints:
         names = ", ".join(joint.joint for joint in bare.condition.joints)
         raise InputError(

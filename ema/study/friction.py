@@ -259,22 +259,35 @@ def placement_task(
     return PlacementTask(recipe, path.parent, modes, campaign.geometry)
 
 
-def placed(task: PlacementTask, folder: Path, resume: bool, executor: Executor | None, progress: Progress) -> Placement:
+def placed(
+    task: PlacementTask,
+    folder: Path,
+    resume: bool,
+    executor: Executor | None,
+    progress: Progress,
+    *,
+    anyway: bool = False,
+) -> Placement:
     """Answer a placement; finished parts are kept in ``folder``.
+
+    With ``anyway`` a joint model that does not agree with its measurement is placed with, and warned of.
 
     Raises
     ------
     InputError : what ``ema.place`` refuses.
     """
-    from ema.place.job import place
+    from ema.place.job import place, refuse_disagreement
     from ema.place.shortlist import KeptPlaces
     from ema.place.sources import verdict_of
 
+    verdict = verdict_of(task.recipe, task.folder)
+    if not anyway:
+        refuse_disagreement(verdict, task.modes.name or "bare structure")
     placement = place(
         task.recipe,
         task.modes,
         task.geometry,
-        verdict_of(task.recipe, task.folder),
+        verdict,
         executor=executor,
         kept=KeptPlaces(folder, resume),
         progress=progress,

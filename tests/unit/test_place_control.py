@@ -44,13 +44,14 @@ def recipe() -> PlaceRecipe:
 
 def test_a_model_that_does_not_agree_places_only_anyway(tmp_path):
     from ema.place.job import place as placed
+    from ema.place.job import refuse_disagreement
     from ema.report import write
 
     bare, geometry = bare_table()
     verdict = Verdict(False, ("Simulated over measured damping is 2.1.",))
     with pytest.raises(InputError, match="--anyway"):
-        placed(recipe(), bare, geometry, verdict)
-    found = placed(recipe(), bare, geometry, verdict, anyway=True)
+        refuse_disagreement(verdict, "table")
+    found = placed(recipe(), bare, geometry, verdict)
     assert found.warning.startswith("THE JOINT MODEL DOES NOT AGREE")
     page = write(found, tmp_path / "placement.html").read_text(encoding="utf-8")
     assert page.index("THE JOINT MODEL DOES NOT AGREE") < page.index("press every joint")
