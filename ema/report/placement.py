@@ -14,6 +14,7 @@ from ema.messages.lists import listed
 from ema.place.objective import IN_DECIBELS
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
+from ema.report.least_damping import least_damping
 from ema.report.numbers import fixed, plain, short
 from ema.report.trials import proposal, trial_blocks
 from ema.show.placement import score_unit
@@ -245,22 +246,18 @@ def answer(placement: Placement) -> str:
             )
         ]
     for m, mode in enumerate(ranking.prediction.modes):
-        row = int(np.nanargmin(best.damping[m]))
-        bounds = (
-            f" [{100 * best.damping_low[m, row]:.2f}, {100 * best.damping_high[m, row]:.2f}] %"
-            if np.isfinite(best.damping_low[m, row])
-            else " %"
-        )
+        least = least_damping(best, m)
+        bounds = f" [{100 * least.low:.2f}, {100 * least.high:.2f}] %" if np.isfinite(least.low) else " %"
         words = {
             "mode": mode + 1,
             "bare": f"{100 * ranking.prediction.bare_damping[m]:.2f}",
-            "damping": f"{100 * best.damping[m, row]:.2f}",
+            "damping": f"{100 * least.value:.2f}",
             "bounds": bounds,
             "low": f"{ranking.prediction.force_levels.min():g}",
             "high": f"{ranking.prediction.force_levels.max():g}",
         }
         of_test = placement.forecast is not None and placement.forecast.method == "measured"
-        if of_test and best.damping[m, row] != ranking.best.damping[m, row]:
+        if of_test and least.value != ranking.best.damping[m, least.level]:
             # what a linear fit of a friction peak reads is not the damping by power of the steady states
             gained = text(
                 "Mode {mode}: {bare} -> at least {damping}{bounds} damping at {low} to {high} N as a linear fit of the "
@@ -290,7 +287,7 @@ def _parts(placement: Placement, m: int) -> list[float]:
 
     The parts by mass and by sticking joints are of first order in the bare mode; the rest is what remains.
     """
-    best, row = placement.best, int(np.nanargmin(placement.best.damping[m]))
+    best, row = placement.best, least_damping(placement.best, m).level
     bare = float(placement.ranking.prediction.bare_frequencies[m])
     values = (bare, float(best.frequency[m, row]), float(best.mass_shift[m]), float(best.stiffness_shift[m]))
     before, after, by_mass, by_joints = (round(value, 1) for value in values)
@@ -321,16 +318,16 @@ def _answered(placement: Placement, book: Book) -> list[Block]:
     ]
     rows: list[list[Cell]] = []
     for m, mode in enumerate(ranking.prediction.modes):
-        row = int(np.nanargmin(best.damping[m]))
+        least = least_damping(best, m)
         before, after, *parts = _parts(placement, m)
-        damping = (ranking.prediction.bare_damping[m], best.damping[m, row], best.damping_low[m, row])
+        damping = (float(ranking.prediction.bare_damping[m]), least.value, least.low, least.high)
         rows.append(
             [
                 mode + 1,
                 fixed(before, 1),
                 *(fixed(part, 1) for part in parts),
                 fixed(after, 1),
-                *(fixed(100 * float(value), 2) for value in (*damping, best.damping_high[m, row])),
+                *(fixed(100 * value, 2) for value in damping),
                 fixed(100 * float(np.nanmin(ranking.best.damping[m])), 2),
             ]
         )
@@ -392,11 +389,10 @@ def _row(number: int, place: Place, scale: float) -> list[Cell]:
         plain(place.normal_force, 3),
     ]
     for m in range(len(place.damping)):
-        row = int(np.nanargmin(place.damping[m]))
-        low, high = 100 * place.damping_low[m, row], 100 * place.damping_high[m, row]
+        least = least_damping(place, m)
         cells += [
-            plain(100 * float(place.damping[m, row]), 3),
-            f"{low:.2f} ... {high:.2f}" if np.isfinite(low) else "–",
-            plain(float(place.frequency[m, row]), 4),
+            plain(100 * least.value, 3),
+            f"{100 * least.low:.2f} ... {100 * least.high:.2f}" if np.isfinite(least.low) else "–",
+            plain(float(place.frequency[m, least.level]), 4),
         ]
     return [*cells, ", ".join(sorted({finding.code for finding in place.findings})) or text("none")]
