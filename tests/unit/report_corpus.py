@@ -259,6 +259,7 @@ def results() -> dict[str, Any]:
         "bones": study((bones,), None),
         "unlike": study((_bones(plain), _bones(run_result("other", plate(4, 2), **SMALL))), geometry),
         "alone": _named(drawn) | {"decay 200 N": decay(), "loop 20 µm": loop(500.0)},
+        "joint": examples.joint_result(),
     }
 
 

@@ -16,7 +16,8 @@ from ema.units import FRF_UNIT
 
 PARTS_AND_TEXTS = (
     "Band BeamModel BoltedJoint Candidate Candidates Channel ControlLine CuttingLimits Damping Deviations EnergyBalance Excitation "
-    "Expectation Finding FrictionBeam FrictionLaw Hit Joint JointForce LawParameter LevelEffect Matrices "
+    "Expectation Finding FrictionBeam FrictionLaw HammerPrediction Hit Joint JointExperiment JointForce JointHypothesis "
+    "JointParameter JointStatement LawParameter LevelEffect Matrices "
     "ModalUncertainty ModeQuality NormalContact Place Prediction Provenance Repair Residuals SetUps SignalComparison "
     "SingleMode Statement TakeIdentity Trial Trials VarianceComponents Verdict"
 )
@@ -90,6 +91,7 @@ def things() -> Iterator[Any]:
         data.Hit, "impact", 0, None, 0.25, 100.0, 0.25, 0.004, True, "", pulse=[0.0, 100.0, 0.0], sampling_rate=1024.0
     )
     yield made(data.HitGallery, (hit,), [0.0, 100.0], [1.0, 0.5], usable_band=(300.0, 400.0))
+    yield examples.joint_result()
     angle = np.linspace(0, 2 * np.pi, 50)
     yield data.Loop(1e-6 * np.cos(angle), 5 * np.cos(angle - 0.3), area=4.6e-6, amplitude=1e-6)
     yield compare.maps(examples.modal_map(), examples.modal_map())
