@@ -83,12 +83,13 @@ def joint_result(file: JointFile, found: JointAssessment, path: str | Path | Non
 
 def _findings(found: JointAssessment) -> Iterator[Finding]:
     """Statements that contradict the others, and those that cannot be judged."""
-    for held in found.held:
+    for number, held in enumerate(found.held, 1):
+        where = f"statement {number}: {held.datum.quantity}"
         if np.isnan(held.probability):
             yield Finding(
                 "info",
                 "statement-not-judged",
-                held.datum.quantity,
+                where,
                 "too few draws tell what the other statements predict in its place.",
                 advice="Either no other statement is about the same, or it contradicts the model.",
             )
@@ -96,7 +97,7 @@ def _findings(found: JointAssessment) -> Iterator[Finding]:
             yield Finding.of(
                 "warning",
                 "statement-contradicts",
-                held.datum.quantity,
+                where,
                 "what is stated has a probability of {probability} by all other statements.",
                 held.probability,
                 TOGETHER,

@@ -130,6 +130,7 @@ def test_a_result_says_what_the_posterior_says() -> None:
     assert not second.is_number and second.limits == pytest.approx((25.0, 200.0)) and second.relative
     assert second.together[0] > 1.0, "a force, not its logarithm"
     assert [one.code for one in result.findings] == ["statement-contradicts", "statement-not-judged"]
+    assert result.findings[0].where == "statement 1: hammer, 10000 N: frequency [Hz]"
     # odds of the evidences: exp(0.2), the same distance between the runs
     assert result.weight is not None and result.weight.weight == pytest.approx(1 / (1 + np.exp(0.2)))
     assert not result.decided and len(result.experiments) == 1
