@@ -24,14 +24,8 @@ from ema.data import (
     FrictionBeam,
     FrictionLaw,
     Geometry,
-    HammerPrediction,
     Joint,
-    JointExperiment,
     JointForce,
-    JointHypothesis,
-    JointParameter,
-    JointResult,
-    JointStatement,
     Matrices,
     ModalMap,
     ModalModel,
@@ -51,6 +45,14 @@ from ema.data import (
     poles_from,
 )
 from ema.dof import Dof
+from ema.show.joint_result import (
+    HammerPrediction,
+    JointExperiment,
+    JointHypothesis,
+    JointParameter,
+    JointResult,
+    JointStatement,
+)
 from ema.synthesis import frfs
 
 RIG = """

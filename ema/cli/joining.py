@@ -12,7 +12,7 @@ from ema.cli.option_groups import Reporting, grouped
 from ema.messages import checked_language
 
 if TYPE_CHECKING:
-    from ema.data import JointResult
+    from ema.show.joint_result import JointResult
 
 IN_ENGLISH = Reporting()
 """Default: a report as a page in English."""
@@ -55,15 +55,13 @@ def joint(
 
 
 def _write(result: "JointResult", folder: Path, formats: Sequence[str], language: str) -> list[Path]:
-    """Store, pictures and report."""
-    from ema import report, show, store
+    """Pictures and report."""
+    from ema import report, show
 
-    written = [folder / "joint.h5"]
-    store.save(written[0], result)
     pictures = {"joint_statements": show.joint_statements(result), "joint_parameters": show.joint_parameters(result)}
     if result.hammer is not None:
         pictures["hammer_readings"] = show.hammer_readings(result)
-    written += save_pictures(folder, pictures)
+    written = save_pictures(folder, pictures)
     report.write(result, folder / "joint.html", formats, language)
     return [*written, *(folder / f"joint.{name}" for name in formats)]
 

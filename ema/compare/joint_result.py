@@ -9,18 +9,16 @@ import numpy as np
 from ema import fingerprint
 from ema.compare.joint_law import TOGETHER, Held, JointAssessment
 from ema.compare.joint_statements import KIND, RELATIVE, JointFile
-from ema.data import (
-    Band,
-    Finding,
+from ema.data import Band, Finding, Provenance
+from ema.data.modal import COVERAGE_FACTOR
+from ema.show.joint_result import (
     HammerPrediction,
     JointExperiment,
     JointHypothesis,
     JointParameter,
     JointResult,
     JointStatement,
-    Provenance,
 )
-from ema.data.modal import COVERAGE_FACTOR
 
 _PRIOR_DRAWS = 20000
 """Draws behind the 95 % prior ranges of combinations: their ends scatter by 1 % of the width."""

@@ -12,14 +12,6 @@ from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.frf import FrfSet
 from ema.data.geometry import Geometry
 from ema.data.hits import Hit, HitGallery
-from ema.data.joint_result import (
-    HammerPrediction,
-    JointExperiment,
-    JointHypothesis,
-    JointParameter,
-    JointResult,
-    JointStatement,
-)
 from ema.data.maps import ModalMap
 from ema.data.modal import (
     Candidate,
@@ -84,17 +76,11 @@ __all__ = [
     "FrictionBeam",
     "FrictionLaw",
     "Geometry",
-    "HammerPrediction",
     "HarmonicResponse",
     "Hit",
     "HitGallery",
     "Joint",
-    "JointExperiment",
     "JointForce",
-    "JointHypothesis",
-    "JointParameter",
-    "JointResult",
-    "JointStatement",
     "LawParameter",
     "Lazy",
     "LevelEffect",

@@ -11,7 +11,6 @@ from ema.data import (
     Decay,
     Finding,
     HarmonicResponse,
-    JointResult,
     Loop,
     MapComparison,
     MapResult,
@@ -33,6 +32,7 @@ from ema.report.joint import joint_document
 from ema.report.maps import map_blocks, map_sentence
 from ema.report.numbers import fixed, plain, rounded
 from ema.report.placement import answers, place_blocks, placement_sections
+from ema.show.joint_result import JointResult
 
 Group = tuple[list[str], list[Block]]
 """Sentences for the front page, and blocks."""

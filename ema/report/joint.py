@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 
 from ema import show
-from ema.data import JointHypothesis, JointParameter, JointResult, JointStatement
 from ema.messages import mark, plural, text, word
 from ema.messages.lists import listed
 from ema.report.blocks import Block, Book, Cell, Section, Table, Text
@@ -15,6 +14,7 @@ from ema.report.findings import counted, finding_table, grouped, language_note
 from ema.report.numbers import MISSING, Value, fixed, plain, rounded
 from ema.report.records import provenance_blocks
 from ema.show import joint_words
+from ema.show.joint_result import JointHypothesis, JointParameter, JointResult, JointStatement
 
 _VERDICTS = (mark("holds"), mark("does not hold together with the others"), mark("not known"))
 _EXPERIMENTS = (

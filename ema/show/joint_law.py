@@ -4,11 +4,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ema.data import Band, JointResult, JointStatement
+from ema.data import Band
 from ema.data.modal import COVERAGE_FACTOR
 from ema.errors import InputError
 from ema.messages import text
 from ema.show import joint_words
+from ema.show.joint_result import JointResult, JointStatement
 from ema.show.style import BLACK, BLUE, GREY, VERMILION, empty_note, new_figure, styled
 
 _PRIOR = "#d9d9d9"

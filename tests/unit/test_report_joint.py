@@ -10,14 +10,14 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 
 import ema.report
-from ema import examples, show, store
+from ema import examples, show
 from ema.compare.joint_law import Datum, Experiment, Held, JointAssessment, JointModel, Posterior
 from ema.compare.joint_result import joint_result
 from ema.compare.joint_statements import JointFile
-from ema.data import JointHypothesis, JointResult, JointStatement
 from ema.messages import speaking
 from ema.report.joint import answers
 from ema.show import joint_words
+from ema.show.joint_result import JointHypothesis, JointResult, JointStatement
 from tests.unit.report_page import Page, blank
 
 NUMBER = r"(?<![A-Za-z_\d.])\d+(?:\.\d+)?"
@@ -174,13 +174,6 @@ def test_names_that_nobody_knows_yet_are_shown_as_they_are() -> None:
     assert joint_words.parameter("gap at rest, shaker").name == "gap at rest, shaker"
     shown = joint_words.quantity("hammer, mode 2, 10000 N: depth").name
     assert shown.replace("\u00a0", " ") == "hammer, mode 2, F_N 10 kN: depth"
-
-
-def test_a_kept_result_gives_the_same_report(tmp_path: Path) -> None:
-    result = joint_result(FILE, assessment())
-    store.save(tmp_path / "joint.h5", result)
-    loaded = store.load(tmp_path / "joint.h5")
-    assert page(loaded, tmp_path / "b").source == page(result, tmp_path / "a").source
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from ema.units import FRF_UNIT
 
 PARTS_AND_TEXTS = (
     "Band BeamModel BoltedJoint Candidate Candidates Channel ControlLine CuttingLimits Damping Deviations EnergyBalance Excitation "
-    "Expectation Finding FrictionBeam FrictionLaw HammerPrediction Hit Joint JointExperiment JointForce JointHypothesis "
-    "JointParameter JointStatement LawParameter LevelEffect Matrices "
+    "Expectation Finding FrictionBeam FrictionLaw Hit Joint JointForce "
+    "LawParameter LevelEffect Matrices "
     "ModalUncertainty ModeQuality NormalContact Place Prediction Provenance Repair Residuals SetUps SignalComparison "
     "SingleMode Statement TakeIdentity Trial Trials VarianceComponents Verdict"
 )
