@@ -88,8 +88,8 @@ def answers(result: JointResult) -> list[str]:
 
     Examples
     --------
-    >>> from ema.examples import joint_result
-    >>> print(answers(joint_result())[0])
+    >>> from ema.show.joint_result import example
+    >>> print(answers(example())[0])
     Determined (95 % interval at most half as wide as before): stiffness ratio at 1 kN, hammer 0.083 to 0.35.
     """
     return [_determined(result), *_one_or_two(result), *_contradictions(result), *_decisive(result), text(WITHIN)]

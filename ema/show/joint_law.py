@@ -40,8 +40,8 @@ def joint_parameters(result: JointResult) -> Figure:
 
     Examples
     --------
-    >>> from ema.examples import joint_result
-    >>> len(joint_parameters(joint_result()).axes)
+    >>> from ema.show.joint_result import example
+    >>> len(joint_parameters(example()).axes)
     1
     """
     rows = sorted(result.parameters, key=lambda parameter: parameter.combination)
@@ -102,8 +102,8 @@ def joint_statements(result: JointResult) -> Figure:
 
     Examples
     --------
-    >>> from ema.examples import joint_result
-    >>> len(joint_statements(joint_result()).axes)
+    >>> from ema.show.joint_result import example
+    >>> len(joint_statements(example()).axes)
     1
     """
     rows = result.statements
@@ -190,8 +190,8 @@ def hammer_readings(result: JointResult) -> Figure:
 
     Examples
     --------
-    >>> from ema.examples import joint_result
-    >>> len(hammer_readings(joint_result()).axes)
+    >>> from ema.show.joint_result import example
+    >>> len(hammer_readings(example()).axes)
     2
     """
     predicted = result.hammer

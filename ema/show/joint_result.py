@@ -172,8 +172,8 @@ class HammerPrediction(Container):
 
     Examples
     --------
-    >>> from ema.examples import joint_result
-    >>> joint_result().hammer.damping.value.shape
+    >>> from ema.show.joint_result import example
+    >>> example().hammer.damping.value.shape
     (3,)
     """
 
@@ -219,8 +219,8 @@ class JointResult(Container):
 
     Examples
     --------
-    >>> from ema.examples import joint_result
-    >>> [parameter.name for parameter in joint_result().parameters if parameter.determined]
+    >>> from ema.show.joint_result import example
+    >>> [parameter.name for parameter in example().parameters if parameter.determined]
     ['stiffness ratio at 1 kN, hammer']
     """
 
@@ -243,3 +243,106 @@ class JointResult(Container):
 
 UNDECIDED = (0.05, 0.95)
 """Weights of one joint between which one joint and two cannot be told apart: odds of 19 to 1 either way."""
+
+
+def example() -> JointResult:
+    """Return what five statements say of a joint; two of them do not hold together with the others, or say too much.
+
+    Returns
+    -------
+    JointResult
+        Three parameters and a combination, five statements, one joint against two.
+
+    Examples
+    --------
+    >>> example().decided
+    False
+    """
+    none, inf = float("nan"), float("inf")
+    forces = np.array([500.0, 2000.0, 20000.0])
+    return JointResult(
+        title="table",
+        bare=(499.0, 0.00638),
+        parameters=(
+            JointParameter("friction coefficient", (0.075, 0.53), (0.061, 0.252), 0.77, False),
+            JointParameter("exponent of k_T", (0.025, 0.975), (0.102, 0.841), 0.78, False, logarithmic=False),
+            JointParameter("stiffness ratio at 1 kN, hammer", (0.005, 0.5), (0.083, 0.352), 0.32, True),
+            JointParameter(
+                "peak force over friction coefficient", (970.0, 32000.0), (7910.0, 45800.0), 0.52, False, True
+            ),
+        ),
+        statements=(
+            JointStatement(
+                "10 kN: 509 Hz",
+                "hammer, 10000 N: frequency [Hz]",
+                509.0,
+                (-inf, inf),
+                1.0,
+                (506.3, 511.2),
+                0.81,
+                "holds",
+                (507.4, 510.3),
+            ),
+            JointStatement(
+                "10 kN: 0.738 %",
+                "hammer, 10000 N: damping ratio",
+                0.00738,
+                (-inf, inf),
+                5e-4,
+                (none, none),
+                none,
+                "not known",
+                (0.0068, 0.0079),
+            ),
+            JointStatement(
+                "most at 25 to 200 N",
+                "shaker, 30 N excitation, ridge",
+                none,
+                (25.0, 200.0),
+                0.25,
+                (32.1, 341.0),
+                0.87,
+                "holds",
+                (38.0, 210.0),
+                True,
+            ),
+            JointStatement(
+                "it remains low",
+                "shaker, F_N 25 N, most damping",
+                none,
+                (-inf, 0.008),
+                5e-4,
+                (0.0121, 0.0184),
+                0.004,
+                "does not hold together with the others",
+                (0.0094, 0.0121),
+            ),
+            JointStatement(
+                "it falls",
+                "shaker, 30 N excitation, F_N 100 N, fall",
+                none,
+                (-inf, 1.0),
+                0.02,
+                (0.71, 1.12),
+                0.63,
+                "holds",
+                (0.73, 1.01),
+            ),
+        ),
+        weight=JointHypothesis("one joint", 0.56, 0.4, 0.71),
+        experiments=(
+            JointExperiment(
+                "hysteresis loops of both joints: difference of the exponents of k_T", (-0.1, 0.1), (-0.78, 0.74), 0.36
+            ),
+            JointExperiment("peak force of the impacts: ln of N", (6.74, 8.65), (6.51, 8.72), 0.01),
+        ),
+        hammer=HammerPrediction(
+            forces,
+            Band(np.array([490.0, 499.0, 507.0]), np.array([492.0, 502.0, 509.0]), np.array([494.0, 505.0, 511.0])),
+            Band(np.array([0.011, 0.009, 0.0069]), np.array([0.016, 0.011, 0.0073]), np.array([0.021, 0.013, 0.0078])),
+            np.array([10000.0]),
+            np.array([[509.0, 1.0]]),
+            np.array([[0.00738, 5e-4]]),
+        ),
+        provenance=Provenance(inputs=(("joint.toml", "ab" * 32),), options=(("seed", "0"),)),
+    )

@@ -10,12 +10,13 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 
 import ema.report
-from ema import examples, show
+from ema import show
 from ema.compare.joint_law import Datum, Experiment, Held, JointAssessment, JointModel, Posterior
 from ema.compare.joint_result import joint_result
 from ema.compare.joint_statements import JointFile
 from ema.messages import speaking
 from ema.report.joint import answers
+from ema.show import joint_result as joint_result_data
 from ema.show import joint_words
 from ema.show.joint_result import JointHypothesis, JointResult, JointStatement
 from tests.unit.report_page import Page, blank
@@ -58,7 +59,7 @@ def page(result: JointResult, folder: Path, language: str = "en") -> Page:
 
 
 def results() -> dict[str, JointResult]:
-    example = examples.joint_result()
+    example = joint_result_data.example()
     return {"example": example, "draws": joint_result(FILE, assessment())}
 
 
@@ -73,7 +74,7 @@ def test_every_number_of_the_first_screen_stands_in_a_table(tmp_path: Path, name
 
 
 def test_each_verdict_stands_beside_its_sentence_the_stated_and_the_predicted_number(tmp_path: Path) -> None:
-    rows = {row[0]: row for table in page(examples.joint_result(), tmp_path).tables[:1] for row in table[1:]}
+    rows = {row[0]: row for table in page(joint_result_data.example(), tmp_path).tables[:1] for row in table[1:]}
     expected = {
         "1": [
             "“10 kN: 509 Hz”",
@@ -152,21 +153,21 @@ def test_one_joint_or_two(weights: tuple[float, float], words: str) -> None:
 
 
 def test_where_nothing_contradicts_the_least_probable_is_named() -> None:
-    example = examples.joint_result()
+    example = joint_result_data.example()
     kept = tuple(one for one in example.statements if not one.contradicts)
     lines = answers(replace(example, statements=kept))
     assert any("The least probable is statement 4: “it falls”" in line for line in lines)
 
 
 def test_one_test_has_no_second_joint_and_no_experiment(tmp_path: Path) -> None:
-    lonely = replace(examples.joint_result(), weight=None, experiments=(), hammer=None)
+    lonely = replace(joint_result_data.example(), weight=None, experiments=(), hammer=None)
     assert "One joint or two" not in page(lonely, tmp_path).source
     assert not any("joints" in line for line in answers(lonely))
 
 
 def test_weights_of_laws_have_a_table(tmp_path: Path) -> None:
     laws = (JointHypothesis("masing", 0.7, 0.6, 0.8), JointHypothesis("iwan", 0.3, 0.2, 0.4))
-    shown = page(replace(examples.joint_result(), laws=laws), tmp_path)
+    shown = page(replace(joint_result_data.example(), laws=laws), tmp_path)
     assert ["iwan", "30 %", "20 %", "40 %"] in [row for table in shown.tables for row in table]
 
 
@@ -194,7 +195,7 @@ def statement(value: float, predicted: tuple[float, float], **fields: object) ->
     limits = (-np.inf, np.inf)
     given = {"probability": 0.5, "verdict": "holds", "together": predicted} | fields
     one = JointStatement("s", "hammer, 1000 N: frequency [Hz]", value, limits, 1.0, predicted, **given)  # type: ignore[arg-type]
-    return replace(examples.joint_result(), statements=(one,))
+    return replace(joint_result_data.example(), statements=(one,))
 
 
 def dot(result: JointResult) -> float:
@@ -216,15 +217,15 @@ def test_a_number_far_off_is_an_arrow_at_the_side_where_it_lies() -> None:
 
 
 def test_german_has_the_same_numbers(tmp_path: Path) -> None:
-    english = page(examples.joint_result(), tmp_path / "en")
-    german = page(examples.joint_result(), tmp_path / "de", "de")
+    english = page(joint_result_data.example(), tmp_path / "en")
+    german = page(joint_result_data.example(), tmp_path / "de", "de")
     numbers = [
         [re.findall(NUMBER, cell) for table in each.tables for row in table for cell in row]
         for each in (english, german)
     ]
     assert numbers[0] == numbers[1]
     with speaking("de"):
-        assert answers(examples.joint_result())[0].startswith("Bestimmt")
+        assert answers(joint_result_data.example())[0].startswith("Bestimmt")
 
 
 def test_a_datum_beyond_all_limits_is_a_sentence() -> None:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from ema import compare, data, examples, shapes, show
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.show import joint_result as joint_result_data
 from ema.show.plotting import PICTURES
 from ema.units import FRF_UNIT
 
@@ -91,7 +92,7 @@ def things() -> Iterator[Any]:
         data.Hit, "impact", 0, None, 0.25, 100.0, 0.25, 0.004, True, "", pulse=[0.0, 100.0, 0.0], sampling_rate=1024.0
     )
     yield made(data.HitGallery, (hit,), [0.0, 100.0], [1.0, 0.5], usable_band=(300.0, 400.0))
-    yield examples.joint_result()
+    yield joint_result_data.example()
     angle = np.linspace(0, 2 * np.pi, 50)
     yield data.Loop(1e-6 * np.cos(angle), 5 * np.cos(angle - 0.3), area=4.6e-6, amplitude=1e-6)
     yield compare.maps(examples.modal_map(), examples.modal_map())
