@@ -1,107 +1,111 @@
 """`ema joint`: one friction law for numbers and sentences about a structure, and what cannot hold together."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema.cli.common import Json, jsonable
-from ema.cli.ending import FINE, ends_well
+from ema.cli.common import Json, Limit, jsonable, save_pictures, split_formats, status
+from ema.cli.ending import ends_well
+from ema.cli.option_groups import Reporting, grouped
+from ema.messages import checked_language
 
 if TYPE_CHECKING:
-    from ema.compare.joint_law import JointAssessment
+    from ema.show.joint_result import JointResult
+
+IN_ENGLISH = Reporting()
+"""Default: a report as a page in English."""
 
 
 @ends_well
+@grouped
 def joint(
     file: Annotated[Path, typer.Argument(help="A joint.toml, or the folder that holds it.", show_default=False)],
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same draws.", min=0)] = 0,
+    out: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for what is written [joints/NAME].")
+    ] = None,
+    report: Reporting = IN_ENGLISH,
+    limit: Limit = "error",
     json: Json = False,
 ) -> int:
     """Find one friction law for all that was measured or said, and name what it determines and what it contradicts."""
     from ema.cli import screen
     from ema.compare.joint_law import joint_posterior
-    from ema.compare.joint_statements import load
+    from ema.compare.joint_result import joint_result
+    from ema.compare.joint_statements import KIND, load
+    from ema.study.study import make_folder
 
+    wanted, spoken = split_formats(report.formats), checked_language(report.language)
     statements = load(file)
+    folder = out or Path("joints") / KIND.locate(file).resolve().parent.name
+    make_folder(folder)
     with screen.Bars() as bars:
-        posterior = joint_posterior(statements, seed, bars)
-    document = _document(statements.title, posterior)
+        result = joint_result(statements, joint_posterior(statements, seed, bars), file, seed)
+    written = _write(result, folder, wanted, spoken)
+    document = _document(result)
     if json:
-        screen.as_json(jsonable(document))
+        screen.as_json(jsonable(document | {"written": [str(path) for path in written]}))
     else:
         _print(document)
-    return FINE
+        screen.show_findings(screen.console(), result.findings)
+        screen.show_written(screen.console(), written)
+    return status(result.findings, limit)
 
 
-WITHIN_THE_MODEL = (
-    "On 80 tables drawn from this model under the conditions of the paper 95 % intervals hold 91 to 94 %; under other "
-    "conditions this was not counted, and what the model leaves out is not in them."
-)
-"""Counted (docs/joint.md: simulation-based calibration, Talts et al. 2018)."""
+def _write(result: "JointResult", folder: Path, formats: Sequence[str], language: str) -> list[Path]:
+    """Pictures and report."""
+    from ema import report, show
+
+    pictures = {"joint_statements": show.joint_statements(result), "joint_parameters": show.joint_parameters(result)}
+    if result.hammer is not None:
+        pictures["hammer_readings"] = show.hammer_readings(result)
+    written = save_pictures(folder, pictures)
+    report.write(result, folder / "joint.html", formats, language)
+    return [*written, *(folder / f"joint.{name}" for name in formats)]
 
 
-def _document(title: str, found: "JointAssessment") -> dict[str, Any]:
-    model = found.one.model
-    names = {one.name for one in model.parameters}
+def _document(result: "JointResult") -> dict[str, Any]:
+    from ema.report.joint import answers
+    from ema.study.plain import finding
+
+    weight = result.weight
     return {
-        "title": title,
+        "title": result.title,
         "parameters": [
             {
-                "name": name,
-                "low": low,
-                "high": high,
-                "over_prior": found.narrowing(name),
-                "determined": found.determined(name),
-                "combination": name not in names,
+                "name": one.name,
+                "low": one.interval[0],
+                "high": one.interval[1],
+                "prior": list(one.prior),
+                "over_prior": one.narrowing,
+                "determined": one.determined,
+                "combination": one.combination,
             }
-            for name, (low, high) in found.one.interval.items()
+            for one in result.parameters
         ],
         "statements": [
             {
-                "sentence": one.datum.text,
-                "quantity": one.datum.quantity,
-                **jsonable({"low": one.low, "high": one.high, "probability": one.probability}),
+                "sentence": one.sentence,
+                "quantity": one.quantity,
+                **jsonable({"low": one.predicted[0], "high": one.predicted[1], "probability": one.probability}),
                 "verdict": one.verdict,
             }
-            for one in found.held
+            for one in result.statements
         ],
-        "weight_of_one_joint": found.weight,
-        "weight_interval": list(found.weight_interval),
+        "weight_of_one_joint": None if weight is None else weight.weight,
+        "weight_interval": [None, None] if weight is None else [weight.low, weight.high],
         "experiments": [
             {"name": one.name, "one": list(one.one), "two": list(one.two), "separates": one.separates}
-            for one in found.experiments
+            for one in result.experiments
         ],
-        "sentence": sentence(found),
+        "sentence": " ".join(answers(result)),
+        "findings": [finding(one) for one in result.findings],
     }
 
 
-def sentence(found: "JointAssessment") -> str:
-    """What follows, in a few sentences."""
-    names = [name for name in found.one.interval if found.determined(name)]
-    parts = [f"Determined: {'; '.join(names)}." if names else "No parameter is determined."]
-    against = [one.datum.quantity for one in found.held if one.verdict.startswith("does not")]
-    if against:
-        parts.append(f"These do not hold together with the others: {'; '.join(against)}.")
-    if found.two is not None:
-        low, high = found.weight_interval
-        decided = high < 0.05 or low > 0.95
-        words = (
-            f"Both tests had {'one joint' if low > 0.95 else 'two joints'}"
-            if decided
-            else "One joint and two joints cannot be told apart"
-        )
-        parts.append(
-            f"{words}: one joint has {found.weight:.0%} of the weight ({low:.0%} to {high:.0%} by independent runs)."
-        )
-        if found.experiments and not decided:
-            best = found.experiments[0]
-            parts.append(f"The next measurement to make is: {best.name}; it decides in {best.separates:.0%} of cases.")
-    return " ".join((*parts, WITHIN_THE_MODEL))
-
-
 def _print(document: dict[str, Any]) -> None:
-
     from ema.cli import screen
 
     out = screen.console()

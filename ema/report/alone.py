@@ -28,9 +28,11 @@ from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.document import Chapter, Document, compose
 from ema.report.findings import counted, finding_table, grouped, language_note
 from ema.report.friction import loops, ring_down_sentences, ring_downs
+from ema.report.joint import joint_document
 from ema.report.maps import map_blocks, map_sentence
 from ema.report.numbers import fixed, plain, rounded
 from ema.report.placement import answers, place_blocks, placement_sections
+from ema.show.joint_result import JointResult
 
 Group = tuple[list[str], list[Block]]
 """Sentences for the front page, and blocks."""
@@ -41,7 +43,7 @@ def document_of(content: Any, book: Book) -> Document:
 
     Parameters
     ----------
-    content : StudyResult, Placement, other result, or mapping of str to result
+    content : StudyResult, Placement, JointResult, other result, or mapping of str to result
         Results by name; of a mapping with a single study or placement the report is the study's or the placement's.
     book : Book
         Numbers the pictures and tables of the report.
@@ -60,8 +62,10 @@ def document_of(content: Any, book: Book) -> Document:
         return compose(content, book)
     if isinstance(content, Placement):
         return _of_placement(content, book)
+    if isinstance(content, JointResult):
+        return joint_document(content, book)
     results = dict(content) if isinstance(content, Mapping) else {"": content}
-    if len(results) == 1 and isinstance(only := next(iter(results.values())), StudyResult | Placement):
+    if len(results) == 1 and isinstance(only := next(iter(results.values())), StudyResult | Placement | JointResult):
         return document_of(only, book)
     return _of_results(results, book)
 

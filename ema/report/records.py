@@ -1,5 +1,8 @@
 """What was repaired, and where the results came from."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 from ema.data import Provenance, StudyResult
 from ema.messages import text
 from ema.report.blocks import Block, Book, Section, Text
@@ -27,15 +30,9 @@ def _repairs(result: StudyResult, book: Book) -> list[Block]:
 def _provenance(result: StudyResult, book: Book) -> list[Block]:
     own = result.provenance
     inputs = dict.fromkeys([*result.campaign.inputs, *own.inputs])
-    blocks: list[Block] = []
     for run in result.runs:
         inputs |= dict.fromkeys([*run.frfs.provenance.inputs, *run.modes.provenance.inputs])
-    if inputs:
-        blocks.append(book.table("inputs", text("Files read."), (text("File"), "SHA-256"), inputs))
-    if own.versions:
-        blocks.append(book.table("versions", text("Software."), (text("Package"), text("Version")), own.versions))
-    options = [(text("study"), *option) for option in own.options]
-    options += _settings(text("FRFs"), {run.run.id: run.frfs.provenance.options for run in result.runs})
+    options = _settings(text("FRFs"), {run.run.id: run.frfs.provenance.options for run in result.runs})
     # Modes carry the settings of their FRFs with them.
     options += _settings(
         text("fit"),
@@ -44,13 +41,43 @@ def _provenance(result: StudyResult, book: Book) -> list[Block]:
             for run in result.runs
         },
     )
-    if options:
+    return provenance_blocks(replace(own, inputs=tuple(inputs)), book, text("study"), options)
+
+
+def provenance_blocks(
+    own: Provenance, book: Book, what: str = "", options: Sequence[tuple[str, str, str]] = ()
+) -> list[Block]:
+    """Files, versions, settings and steps of one provenance.
+
+    Parameters
+    ----------
+    own : Provenance
+        The provenance.
+    book : Book
+        Numbers the tables.
+    what : str, optional
+        What its settings are of; by default the command.
+    options : sequence of (str, str, str), optional
+        Further settings: of what, name and value.
+
+    Returns
+    -------
+    list of Block
+        Tables and sentences, or one sentence that nothing was recorded.
+    """
+    blocks: list[Block] = []
+    if own.inputs:
+        blocks.append(book.table("inputs", text("Files read."), (text("File"), "SHA-256"), own.inputs))
+    if own.versions:
+        blocks.append(book.table("versions", text("Software."), (text("Package"), text("Version")), own.versions))
+    rows = [(what or text("command"), *option) for option in own.options] + list(options)
+    if rows:
         blocks.append(
             book.table(
                 "options",
                 text("Settings, defaults included."),
                 (text("Where"), text("Setting"), text("Value")),
-                options,
+                rows,
             )
         )
     blocks += [Text(text("Steps: {steps}.", steps=" → ".join(own.steps)))] if own.steps else []

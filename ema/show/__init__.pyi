@@ -15,6 +15,9 @@ from ema.show.impacts import hits as hits
 from ema.show.intervals import contact_forces as contact_forces
 from ema.show.intervals import mode_changes as mode_changes
 from ema.show.intervals import parameters as parameters
+from ema.show.joint_law import hammer_readings as hammer_readings
+from ema.show.joint_law import joint_parameters as joint_parameters
+from ema.show.joint_law import joint_statements as joint_statements
 from ema.show.joints import normal_force as normal_force
 from ema.show.maps import damping_curves as damping_curves
 from ema.show.maps import damping_map as damping_map

@@ -14,6 +14,8 @@ from ema.show.forecast import forecast_bands
 from ema.show.frf import frf_overview
 from ema.show.impacts import hits
 from ema.show.intervals import contact_forces, mode_changes, parameters
+from ema.show.joint_law import joint_parameters
+from ema.show.joint_result import JointResult
 from ema.show.joints import normal_force
 from ema.show.maps import damping_curves
 from ema.show.matrices import mac_matrix
@@ -191,6 +193,7 @@ PICTURES: dict[type, Callable[..., Figure]] = {
     data.Geometry: geometry,
     data.HarmonicResponse: steady_states,
     data.HitGallery: hits,
+    JointResult: joint_parameters,
     data.Loop: hysteresis,
     data.MapComparison: map_comparison,
     data.MapPrediction: map_prediction,

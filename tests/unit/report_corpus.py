@@ -31,6 +31,7 @@ from ema.data import (
     poles_from,
 )
 from ema.dof import Dof
+from ema.show import joint_result as joint_result_data
 from ema.synthesis import frfs as synthesise
 from tests.unit.friction_nouns import decay, loop, placement
 from tests.unit.test_show_plot import things
@@ -259,6 +260,7 @@ def results() -> dict[str, Any]:
         "bones": study((bones,), None),
         "unlike": study((_bones(plain), _bones(run_result("other", plate(4, 2), **SMALL))), geometry),
         "alone": _named(drawn) | {"decay 200 N": decay(), "loop 20 µm": loop(500.0)},
+        "joint": joint_result_data.example(),
     }
 
 

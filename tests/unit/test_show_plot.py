@@ -11,12 +11,14 @@ from matplotlib.figure import Figure
 from ema import compare, data, examples, shapes, show
 from ema.dof import Dof
 from ema.errors import InputError
+from ema.show import joint_result as joint_result_data
 from ema.show.plotting import PICTURES
 from ema.units import FRF_UNIT
 
 PARTS_AND_TEXTS = (
     "Band BeamModel BoltedJoint Candidate Candidates Channel ControlLine CuttingLimits Damping Deviations EnergyBalance Excitation "
-    "Expectation Finding FrictionBeam FrictionLaw Hit Joint JointForce LawParameter LevelEffect Matrices "
+    "Expectation Finding FrictionBeam FrictionLaw Hit Joint JointForce "
+    "LawParameter LevelEffect Matrices "
     "ModalUncertainty ModeQuality NormalContact Place Prediction Provenance Repair Residuals SetUps SignalComparison "
     "SingleMode Statement TakeIdentity Trial Trials VarianceComponents Verdict"
 )
@@ -90,6 +92,7 @@ def things() -> Iterator[Any]:
         data.Hit, "impact", 0, None, 0.25, 100.0, 0.25, 0.004, True, "", pulse=[0.0, 100.0, 0.0], sampling_rate=1024.0
     )
     yield made(data.HitGallery, (hit,), [0.0, 100.0], [1.0, 0.5], usable_band=(300.0, 400.0))
+    yield joint_result_data.example()
     angle = np.linspace(0, 2 * np.pi, 50)
     yield data.Loop(1e-6 * np.cos(angle), 5 * np.cos(angle - 0.3), area=4.6e-6, amplitude=1e-6)
     yield compare.maps(examples.modal_map(), examples.modal_map())

@@ -135,7 +135,7 @@ def test_weight_of_one_joint_is_that_of_draws_of_both_priors():
 
 
 @pytest.fixture(scope="module")
-def command(root):
+def command(root, tmp_path_factory):
     """What `ema joint` prints of the paper's table, with seed 0, and the posteriors behind it."""
     found = []
 
@@ -145,7 +145,10 @@ def command(root):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(joint_law, "posteriors", kept)
-        done = CliRunner().invoke(app, ["joint", str(root / "reports" / "work_table_joint"), "--json"])
+        folder = str(tmp_path_factory.mktemp("joint"))
+        done = CliRunner().invoke(
+            app, ["joint", str(root / "reports" / "work_table_joint"), "--output", folder, "--json"]
+        )
     assert done.exit_code == 0, done.output
     return json.loads(done.stdout), found[0]
 
