@@ -23,7 +23,8 @@ def packaged(root: Path) -> dict[str, str]:
 
 def test_the_wheel_holds_every_file_of_every_demonstration(root: Path, packaged: dict[str, str]) -> None:
     wanted = {f"reports/{name}.toml" for name in datasets.recipes()}
-    for name in datasets.names():
+    models = {model for name in datasets.recipes() for model in folders._models_of(datasets.recipe_file(name))}
+    for name in {*datasets.names(), *models}:
         wanted |= {f"datasets/{name}/{path.name}" for path in (root / "datasets" / name).iterdir() if path.is_file()}
     assert set(packaged) == wanted
     assert all((root / source).is_file() for source in packaged)
@@ -44,6 +45,14 @@ def test_an_installed_package_uses_its_own_files(root: Path, packaged: dict[str,
     assert campaign == tmp_path / "home" / "datasets" / "work_table_placed"
     assert acquisition.campaign_file.load(campaign).campaign.generator == "work_table_placed"
     assert not list(installed.rglob("raw"))
+
+
+def test_a_recipe_brings_the_models_that_it_is_computed_from(tmp_path) -> None:
+    """Every model that a table of the recipe names is there, at the path that it names."""
+    recipe = datasets.fetch_recipe("double_beam_before_sticking", tmp_path)
+    settings = Study.load(recipe).recipe
+    named = [one.model for one in (*settings.map, *settings.release)]
+    assert len(named) == 3 and all((recipe.parent / name / "model.toml").is_file() for name in named)
 
 
 @pytest.fixture
