@@ -138,7 +138,7 @@ def fetch(name: str, folder: str | Path | None = None, progress: Progress = sile
 
 
 def fetch_recipe(name: str, folder: str | Path | None = None) -> Path:
-    """Return a recipe with its campaign and its models beside it; the signals are written when the recipe is run.
+    """Return a recipe with its campaign beside it; the signals are written when the recipe is run.
 
     Parameters
     ----------
@@ -168,8 +168,8 @@ def fetch_recipe(name: str, folder: str | Path | None = None) -> Path:
     'reports'
     """
     source, home = recipe_file(name), _home(folder)
-    for part in (_campaign_of(source), *_models_of(source)):
-        _copied(_source() / "datasets" / part, home / "datasets" / part)
+    campaign = _campaign_of(source)
+    _copied(_source() / "datasets" / campaign, home / "datasets" / campaign)
     target = home / "reports" / source.name
     _copy(source, target)
     return target
@@ -201,15 +201,6 @@ def _campaign_of(recipe: Path) -> str:
     import tomllib
 
     return Path(tomllib.loads(recipe.read_text(encoding="utf-8"))["campaign"]).name
-
-
-def _models_of(recipe: Path) -> tuple[str, ...]:
-    """Names of the model folders that maps and releases of a recipe are computed from."""
-    import tomllib
-
-    document = tomllib.loads(recipe.read_text(encoding="utf-8"))
-    tables = [*document.get("map", []), *document.get("release", [])]
-    return tuple(dict.fromkeys(Path(table["model"]).name for table in tables if table.get("model")))
 
 
 def _copied(source: Path, target: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import acquisition
 from ema.cli.app import app
 from ema.compare import map_features as features
 from ema.data import Damping
@@ -67,6 +68,16 @@ def test_every_statement_gets_the_verdict_that_the_recipe_states(results, name, 
     assert [one.verdict for one in theirs].count("not matched") == missed
     assert all("p. 29" in one.source for one in theirs)
     assert all(np.isfinite([one.lower, one.upper]).all() for one in statements if "not testable" not in one.verdict)
+
+
+def test_the_recipes_are_computed_from_the_documented_double_beam(root):
+    """The model beside the records is that of ``datasets/double_beam``, and that of the tests here."""
+    models = [acquisition.open_model(root / "datasets" / name) for name in ("double_beam", "double_beam_release")]
+    models.append(double_beam(Masing(MU, 1e9), 1000.0, damping=Damping(0.001)))
+    one, two, three = (modal_base(assemble(model)) for model in models)
+    for other in (two, three):
+        np.testing.assert_allclose(other.frequencies, one.frequencies, rtol=1e-6)
+        np.testing.assert_allclose(other.decay, one.decay, rtol=1e-6)
 
 
 @pytest.fixture(scope="module")
