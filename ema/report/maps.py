@@ -1,5 +1,6 @@
 """Maps of a mode over excitation and normal force, and statements of a publication beside them."""
 
+from collections.abc import Sequence
 from functools import partial
 from itertools import groupby
 from typing import get_args
@@ -15,17 +16,19 @@ from ema.report.numbers import MISSING, fixed, plain, rounded, short
 
 
 def statements(result: StudyResult, book: Book) -> list[Section]:
-    """Sentences of the publication and, apart from them, our readings: bounds, value with interval, verdict."""
+    """Sentences of the publication, and apart from them our readings: quantity, bounds, value, interval and verdict."""
     sections = []
     quoted = [one for one in result.statements if one.quoted]
     readings = [one for one in result.statements if not one.quoted]
+    throughout = _assumed_throughout(result.statements)
+    said = [Text(text("Assumed throughout: {assumed}", assumed=throughout))] if throughout else []
     judged = (
+        text("Quantity"),
         text("Holds for"),
         text("Measured"),
         text("95 % interval"),
         text("Verdict"),
         text("Reason"),
-        text("Quantity"),
     )
     if quoted:
         caption = text(
@@ -33,17 +36,31 @@ def statements(result: StudyResult, book: Book) -> list[Section]:
             "Intervals hold noise and what the grid of a map leaves open, and of a phase of a "
             "decay what its halves read; not what was assumed."
         )
-        sentences = [(one.source, one.sentence, one.text, *_judged(one)) for one in quoted]
-        block = book.table(
-            "statements", caption, (text("Where"), text("Sentence"), text("Judged as"), *judged), sentences, 8
-        )
-        sections.append(Section(text("The publication's statements"), "statements", [block]))
+        sentences = [
+            (f"“{one.sentence}” ({one.source})", one.text, *_judged(one, throughout), one.reason) for one in quoted
+        ]
+        columns = (text("Sentence"), text("Judged as"), *judged, text("Reason in full"))
+        block = book.table("statements", caption, columns, sentences, len(columns) - 1)
+        sections.append(Section(text("The publication's statements"), "statements", [*said, block]))
     if readings:
         caption = text("Readings of ours: limits that the publication does not print.")
-        own = [(one.source, one.text, *_judged(one)) for one in readings]
-        block = book.table("readings", caption, (text("Source"), text("Reading"), *judged), own, 7)
-        sections.append(Section(text("Our readings"), "readings", [block]))
+        own = [(one.source, one.text, *_judged(one, throughout), one.reason) for one in readings]
+        columns = (text("Source"), text("Reading"), *judged, text("Reason in full"))
+        block = book.table("readings", caption, columns, own, len(columns) - 1)
+        sections.append(Section(text("Our readings"), "readings", [block] if quoted else [*said, block]))
     return sections
+
+
+_OFTEN = 3
+"""Statements that rest on one and the same assumption from which on it is said once, above them; below, beside each."""
+
+
+def _assumed_throughout(judged: Sequence[Statement]) -> str:
+    """The assumption that most matches rest on, as their reasons say it."""
+    reasons = [one.reason for one in judged if one.verdict == "matched with an assumed parameter"]
+    counts = {reason: sum(other.startswith(reason) for other in reasons) for reason in reasons if reason}
+    most = max(counts, key=lambda reason: counts[reason], default="")
+    return most if most and counts[most] >= _OFTEN else ""
 
 
 _WORDS = (
@@ -66,6 +83,7 @@ _WORDS = (
     mark("ridge over that of map"),
     mark("spread over levels"),
     mark("ridge over sticking"),
+    mark("damping over ridge"),
     mark("release deflection"),
     mark("release deflection over run"),
     mark("sliding frequency"),
@@ -73,6 +91,12 @@ _WORDS = (
     mark("sticking damping"),
     mark("missing damping"),
     mark("difference of envelopes"),
+    mark("difference of frequencies"),
+    mark("largest slip"),
+    mark("slip of first over last contact"),
+    mark("dissipation of first over last contact"),
+    mark("loop areas over energy lost"),
+    mark("energy integral over release"),
     mark("run frequency"),
     mark("run damping"),
     mark("run misfit"),
@@ -85,20 +109,25 @@ LEAST_SHOWN = 1e-3
 digits. An interval that is narrower is shown to the second digit of its half width, as in the table of modes."""
 
 
-def _judged(one: Statement) -> tuple[Cell, ...]:
+def _judged(one: Statement, throughout: str = "") -> tuple[Cell, ...]:
+    """Quantity, bounds, value, interval, verdict and reason; of that not what is assumed ``throughout``."""
     reaches = [abs(bound - one.value) for bound in (one.lower, one.upper) if np.isfinite(bound)]
     width = one.upper - one.lower
     least = min(LEAST_SHOWN * abs(one.value), width / 2 if width > 0 else np.inf)
     half = max(min(reaches), least) if reaches else None
     ends = [str(rounded(bound, half, 4)) if np.isfinite(bound) else text("open") for bound in (one.lower, one.upper)]
     interval = MISSING if np.isnan(one.lower) else text("{low} to {high}", low=ends[0], high=ends[1])
-    bounds = _bounds(one.low, one.high)
-    return bounds, rounded(one.value, half, 4), interval, word(one.verdict), one.reason or MISSING, _looked_at(one)
+    reason = one.reason
+    if throughout and reason.startswith(throughout):
+        reason = f"{text('As assumed throughout.')} {reason.removeprefix(throughout)}".strip()
+    cells = (_bounds(one.low, one.high), rounded(one.value, half, 4), interval, word(one.verdict), reason or MISSING)
+    return (_looked_at(one), *cells)
 
 
 def _looked_at(one: Statement) -> str:
     """What was measured for a statement, where anything was."""
-    return word(one.quantity) if one.quantity else MISSING
+    kind, comma, where = one.quantity.partition(", ")
+    return f"{word(kind)}{comma}{where}" or MISSING
 
 
 def statement_lines(result: StudyResult) -> list[str]:

@@ -169,6 +169,23 @@ class LoopTable(Table):
     force: str = ""
 
 
+class ReleaseTable(Table):
+    """``[[release]]``: a model after a load raised slowly was let go, as the ``[snapback]`` of its file says.
+
+    ``model`` is the path of a model file relative to the recipe; ``normal_force`` N of every joint. With ``raised_at``
+    N the load is raised under that normal force, so that releases under different ones begin alike. ``pressure`` is
+    spread over the node pairs of a joint as the file says (``even``), or in proportion to their numbers (``rising``).
+    ``loops`` numbers contacts, from 1, whose first cycle is shown.
+    """
+
+    name: str
+    model: str
+    normal_force: float = Field(gt=0)
+    raised_at: float | None = Field(default=None, gt=0)
+    pressure: Literal["even", "rising"] = "even"
+    loops: list[Annotated[int, Field(ge=1)]] = []
+
+
 Quantity = Literal[
     "damping",
     "frequency",
@@ -183,6 +200,7 @@ Quantity = Literal[
     "ridge over that of map",
     "spread over levels",
     "ridge over sticking",
+    "damping over ridge",
     "release deflection",
     "release deflection over run",
     "sliding frequency",
@@ -190,6 +208,12 @@ Quantity = Literal[
     "sticking damping",
     "missing damping",
     "difference of envelopes",
+    "difference of frequencies",
+    "largest slip",
+    "slip of first over last contact",
+    "dissipation of first over last contact",
+    "loop areas over energy lost",
+    "energy integral over release",
     "run frequency",
     "run damping",
     "run misfit",
@@ -206,21 +230,32 @@ RELEASE_QUANTITIES = (
     "sticking damping",
     "missing damping",
     "difference of envelopes",
+    "difference of frequencies",
 )
 """Quantities that are read from the records of a release."""
+MODEL_RELEASE_QUANTITIES = (
+    "largest slip",
+    "slip of first over last contact",
+    "dissipation of first over last contact",
+    "loop areas over energy lost",
+    "energy integral over release",
+)
+"""Quantities of the release of a model."""
 
 
 class StatementTable(Table):
     """``[[statements]]``: what a publication says, as a number between ``low`` and ``high``, and the verdict expected.
 
-    ``sentence`` quotes the publication, with its page in ``source`` where it is known; without it the statement is a
-    reading of ours. Of a ``map``: ``level`` and ``force`` in N name a point, row or column, ``levels`` and ``forces`` a
-    range of either, and ``other`` another map; without ``level`` it has to hold at every level. Of a ``run``: ``near``
-    Hz, and ``other`` another run. Of a run that is a release: ``start`` s of the release, ``band`` Hz that holds the
-    mode, and ``other`` the release that it is compared with. Damping and level effect in percent, misfit and ratios as
-    they are. ``implausible`` says which parameter of a match cannot be believed, ``assumed`` which one was assumed or
-    chosen for it (that of the recipe by default). A sentence that nothing here measures names no quantity, map or run,
-    but in ``missing`` what it would take. The quantities are defined in :mod:`ema.compare.map_features`.
+    ``sentence`` quotes the publication, with its page in ``source`` where it is known; without it the statement is
+    a reading of ours. Of a ``map``: ``level`` and ``force`` in N name a point, row or column, ``levels`` and
+    ``forces`` a range of either, and ``other`` another map; without ``level`` it has to hold at every level. Of a
+    ``run``: ``near`` Hz, and ``other`` another run. Of a run that is a release: ``start`` s of the release,
+    ``band`` Hz that holds the mode, and ``other`` the release that it is compared with. Of the ``release`` of a
+    model: ``other`` another one. Damping and level effect in percent, misfit and ratios as they are, the largest
+    slip in µm. ``implausible`` says which parameter of a match cannot be believed, ``assumed`` which one was
+    assumed or chosen for it (that of the recipe by default). A sentence that nothing here measures names no
+    quantity, map or run, but in ``missing`` what it would take. The quantities are defined in
+    :mod:`ema.compare.map_features`.
     """
 
     text: str
@@ -231,6 +266,7 @@ class StatementTable(Table):
     missing: str = ""
     map: str = ""
     run: str = ""
+    release: str = ""
     other: str = ""
     near: float | None = None
     level: float | None = None
@@ -249,8 +285,11 @@ class StatementTable(Table):
     def _sound(self) -> "StatementTable":
         if self.quantity is None or self.missing:
             return self._unmeasured()
-        if bool(self.map) == bool(self.run):
-            raise ValueError("a statement is about a map or about a run; name one of the two")
+        if sum(map(bool, (self.map, self.run, self.release))) != 1:
+            raise ValueError("a statement is about a map, a run or the release of a model; name one of them")
+        if bool(self.release) != (self.quantity in MODEL_RELEASE_QUANTITIES):
+            kinds = ", ".join(MODEL_RELEASE_QUANTITIES)
+            raise ValueError(f"of the release of a model, and of nothing else, there are: {kinds}")
         if self.quantity in RELEASE_QUANTITIES:
             if not self.run or self.start is None or (self.band is None and "deflection" not in self.quantity):
                 raise ValueError("a statement about a release needs run, start and, but for deflections, band")
@@ -268,8 +307,10 @@ class StatementTable(Table):
 
     def _unmeasured(self) -> "StatementTable":
         """A sentence of the publication that nothing here measures."""
-        if self.quantity is not None or self.map or self.run:
-            raise ValueError("missing is for a sentence that nothing measures; leave out quantity, map and run, or it")
+        if self.quantity is not None or self.map or self.run or self.release:
+            raise ValueError(
+                "missing is for a sentence that nothing measures; leave out quantity, map, run and release, or it"
+            )
         if not self.missing:
             raise ValueError("a statement needs a quantity, or in missing what it would take to measure it")
         if self.verdict != "not testable here" or not self.sentence:
@@ -298,6 +339,7 @@ class Recipe(Table):
     assumed: str = ""
     ring_down: list[RingDownTable] = []
     loop: list[LoopTable] = []
+    release: list[ReleaseTable] = []
     placement: Annotated[
         Annotated[str, Tag(_FILE)] | Annotated[PlaceRecipe, Tag(_TABLE)],
         Discriminator(lambda value: _FILE if isinstance(value, str) else _TABLE),
@@ -315,6 +357,7 @@ _TABLES: dict[str, type[BaseModel]] = {
     "statements": StatementTable,
     "ring_down": RingDownTable,
     "loop": LoopTable,
+    "release": ReleaseTable,
     **{f"placement.{name}".rstrip("."): table for name, table in PLACEMENT.tables.items()},
 }
 _FORMER = tables.FormerNames(

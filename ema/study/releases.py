@@ -26,7 +26,7 @@ def measured(table: StatementTable, campaign: Campaign) -> Measure:
     if table.quantity == "release deflection over run":
         (a, da), (b, db) = (_deflection(one, table) for one in (record, _record(campaign, table.other)))
         return estimate(a / b, abs(a / b) * float(np.hypot(da / a, db / b)))
-    if table.quantity in ("missing damping", "difference of envelopes"):
+    if table.quantity in ("missing damping", "difference of envelopes", "difference of frequencies"):
         return _compared(table, record, _record(campaign, table.other))
     kind, _, what = (table.quantity or "").partition(" ")
     return _of_phase(table, record, kind, what)
@@ -93,6 +93,12 @@ def _compared(table: StatementTable, record: Recording, computed: Recording) -> 
     comparison = releases(record, computed, table.band, table.start)
     if table.quantity == "missing damping":
         return estimate(100 * comparison.missing_damping, 100 * comparison.missing_std)
+    if table.quantity == "difference of frequencies":
+        over, under = comparison.peak_frequencies
+        off = 100 * (under / over - 1)
+        # of spectra with lines at a quarter of the inverse length: a peak lies within half a step of its highest line
+        step = 100 * 0.5 * 0.25 / (record.duration - table.start) / over
+        return Measure(off, off - step, off + step)
     rest = max(_rest(record, table), 2)
     velocity = _motion(to_quantity(record, "velocity", table.band[0] / 15, rest))
     noise = velocity[:rest].std() / velocity[rest:].std()

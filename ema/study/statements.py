@@ -1,6 +1,6 @@
 """Statements of a publication and readings of ours, judged by maps and runs: value, interval and verdict."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,10 +11,11 @@ from ema.compare.map_features import Line, Measure
 from ema.data import Campaign, MapResult, ModalMap, RunResult, SingleMode, Statement
 from ema.data.results import Verdict
 from ema.errors import InputError
-from ema.study import releases
+from ema.study import model_releases, releases
+from ema.study.model_releases import ModelRelease
 from ema.study.recipe import RELEASE_QUANTITIES, StatementTable
 
-_STRICT = ("rise", "fall", "peak of", "dip", "ridge over")
+_STRICT = ("rise", "fall", "peak of", "dip", "ridge over", "damping over")
 """Quantities of which no change is not enough: what stays constant neither rises nor falls."""
 
 NEAR = 0.05
@@ -29,28 +30,32 @@ def judge(
     assumed: str = "",
     *,
     campaign: Campaign | None = None,
+    released: Mapping[str, ModelRelease] | None = None,
 ) -> tuple[Statement, ...]:
     """A verdict on every statement, by the interval of its value and the bounds with which it holds.
 
     ``assumed`` is what the campaign assumes: statements that name nothing else are matched with that only. Statements
-    about releases are judged by the records of ``campaign``.
+    about releases are judged by the records of ``campaign``, those about releases of a model by ``released``.
 
     Raises
     ------
     InputError : a statement is about a map or run that the study does not have, or does not say where.
     """
     charts, results = {one.name: one for one in maps}, {one.run.id: one for one in runs}
+    fitted = any(_nonlinear(results[name]) for one in tables for name in (one.run, one.other) if name in results)
     judged = []
     for table in tables:
         accepted, strict = False, (table.quantity or "").startswith(_STRICT)
         if table.quantity is None:
             measures = [features.missing(table.missing)]
+        elif table.release:
+            measures = [model_releases.measured(table, released or {})]
         elif table.quantity in RELEASE_QUANTITIES and campaign is not None:
             measures = [releases.measured(table, campaign)]
         elif table.map:
             measures = _of_map(table, charts)
         else:
-            measure, accepted = _of_run(table, results)
+            measure, accepted = _of_run(table, results, fitted=fitted)
             measures = [measure]
         verdict: Verdict
         verdict, measure = features.decide(measures, table.low, table.high, strict)
@@ -166,6 +171,10 @@ def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> list[Meas
             return _ridges_over(table, lines.map, _named(charts, table.other, "map").chart)
         case "spread over levels":
             return [features.spread(one) for one in lines.columns("damping")]
+        case "damping over ridge":
+            whole = _Lines(table.model_copy(update={"forces": None}), lines.map).rows("damping")
+            parts = zip(lines.rows("damping"), whole, strict=True)
+            return [features.ratio(features.highest([part]), features.highest([line])) for part, line in parts]
         case "ridge over sticking":
             return [features.ratio(features.ridge(one), features.settled(one)) for one in lines.rows("damping")]
     raise InputError(
@@ -188,8 +197,8 @@ def _ridges_over(table: StatementTable, over: ModalMap, under: ModalMap) -> list
     return measures
 
 
-def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> tuple[Measure, bool]:
-    """The quantity of a statement about a run, and whether it is that of an accepted mode."""
+def _of_run(table: StatementTable, results: Mapping[str, RunResult], *, fitted: bool) -> tuple[Measure, bool]:
+    """The quantity of a statement about a run, and whether it is that of an accepted mode; see :func:`_modes`."""
     result = _named(results, table.run, "run")
     if table.quantity == "run level effect":
         effect = result.level_effect
@@ -200,17 +209,17 @@ def _of_run(table: StatementTable, results: Mapping[str, RunResult]) -> tuple[Me
     try:
         if table.quantity == "run misfit":
             return features.estimate(_linear_fit(result, table.near).residual, 0.0), False
-        mode = _mode(result, table.near)
-        match table.quantity:
-            case "run frequency":
-                return features.estimate(mode.frequency, mode.frequency_std), mode.accepted
-            case "run damping":
-                return features.estimate(100 * mode.damping, 100 * mode.damping_std), mode.accepted
-            case "run damping over run":
-                other = _mode(_named(results, table.other, "run"), table.near)
-                both = mode.damping / other.damping
-                relative = np.hypot(mode.damping_std / mode.damping, other.damping_std / other.damping)
-                return features.estimate(both, both * float(relative)), mode.accepted
+        if table.quantity == "run damping over run":
+            pair = (result, _named(results, table.other, "run"))
+            mode, other = _modes(pair, table.near, fitted=fitted)
+            both = mode.damping / other.damping
+            relative = np.hypot(mode.damping_std / mode.damping, other.damping_std / other.damping)
+            return features.estimate(both, both * float(relative)), mode.accepted
+        (mode,) = _modes((result,), table.near, fitted=fitted)
+        if table.quantity == "run frequency":
+            return features.estimate(mode.frequency, mode.frequency_std), mode.accepted
+        if table.quantity == "run damping":
+            return features.estimate(100 * mode.damping, 100 * mode.damping_std), mode.accepted
     except _NoModeError as error:
         return features.missing(str(error)), False
     raise InputError(
@@ -237,31 +246,42 @@ class _Mode(NamedTuple):
     accepted: bool
 
 
-def _mode(result: RunResult, near: float) -> _Mode:
-    """The accepted mode near a frequency in Hz, which the report shows, or else one linear mode fitted there."""
-    row = _accepted(result, near)
-    if row is None:
-        fit = _linear_fit(result, near)
-        return _Mode(
-            fit.natural_frequency, fit.natural_frequency_std, fit.damping_ratio, fit.damping_ratio_std, accepted=False
-        )
-    modes = result.modes
-    assert modes.covariance is not None
-    std = np.sqrt(np.maximum(np.diagonal(modes.covariance[row]), 0))
-    frequency, damping = float(modes.natural_frequencies[row]), float(modes.damping_ratios[row])
-    return _Mode(frequency, float(std[0]), damping, float(std[1]), accepted=True)
+def _modes(results: Sequence[RunResult], near: float, *, fitted: bool) -> list[_Mode]:
+    """The modes of runs near a frequency in Hz, all read in one way.
+
+    They are the accepted modes, which the report shows; or one linear mode fitted to the FRFs of each where one run has
+    no accepted mode there, or where ``fitted`` says that a run beside which they are set is not linear.
+    """
+    rows = [None if fitted else _accepted(one, near) for one in results]
+    read = []
+    for result, row in zip(results, rows, strict=True):
+        if row is None or None in rows:
+            fit = _linear_fit(result, near)
+            values = (fit.natural_frequency, fit.natural_frequency_std, fit.damping_ratio, fit.damping_ratio_std)
+            read.append(_Mode(*values, accepted=False))
+            continue
+        modes = result.modes
+        assert modes.covariance is not None
+        std = np.sqrt(np.maximum(np.diagonal(modes.covariance[row]), 0))
+        frequency, damping = float(modes.natural_frequencies[row]), float(modes.damping_ratios[row])
+        read.append(_Mode(frequency, float(std[0]), damping, float(std[1]), accepted=True))
+    return read
+
+
+def _nonlinear(result: RunResult) -> bool:
+    """Whether the structure was seen not to be linear: its modes are not those of the FRFs at the level of the test."""
+    return any(finding.code == "slip-then-ring" for finding in result.findings)
 
 
 def _accepted(result: RunResult, near: float) -> int | None:
     """The accepted mode nearest to a frequency in Hz, unless a peak outside its half-power band is nearer.
 
-    ``None`` also where the structure is not linear: its modes are not those of the FRFs at the level of the test.
+    ``None`` also where the structure is not linear.
     """
     from ema.fit import peak_picking
 
     modes = result.modes
-    nonlinear = any(finding.code == "slip-then-ring" for finding in result.findings)
-    if nonlinear or not len(modes.poles) or modes.covariance is None:
+    if _nonlinear(result) or not len(modes.poles) or modes.covariance is None:
         return None
     frequencies = modes.natural_frequencies
     row = int(np.argmin(np.abs(frequencies - near)))
@@ -276,8 +296,12 @@ def _accepted(result: RunResult, near: float) -> int | None:
 
 
 def _linear_fit(result: RunResult, near: float) -> SingleMode:
+    """One linear mode fitted to the FRFs near a frequency in Hz: the one that the report shows, where it shows one."""
     from ema.fit import local_fit
 
+    shown = [one for one in result.equivalent if abs(one.natural_frequency - near) <= NEAR * near]
+    if shown:
+        return min(shown, key=lambda one: abs(one.natural_frequency - near))
     try:
         return local_fit(result.frfs.in_memory(), near)
     except InputError as error:
@@ -300,7 +324,9 @@ def _quantity(table: StatementTable, *, accepted: bool) -> str:
     if table.quantity is None:
         return ""
     parts: list[str] = [table.quantity]
-    if table.quantity in RELEASE_QUANTITIES:
+    if table.release:
+        parts += [f"model released, {table.release}", *([f"over {table.other}"] if table.other else [])]
+    elif table.quantity in RELEASE_QUANTITIES:
         parts += [table.run, f"against {table.other}"] if table.other else [table.run]
     elif table.quantity == "run level effect":
         parts.append(f"modal constants of the late decay, twice the force, {table.run}")
@@ -309,7 +335,7 @@ def _quantity(table: StatementTable, *, accepted: bool) -> str:
         parts.append(f"{what} near {table.near:g} Hz")
     if table.map:
         parts.append(table.map)
-    if table.other and table.quantity not in RELEASE_QUANTITIES:
+    if table.other and table.quantity not in RELEASE_QUANTITIES and not table.release:
         parts.append(f"over {table.other}" if "over" in table.quantity else table.other)
     parts += [f"F_E {table.level:g} N"] if table.level is not None else []
     parts += [f"F_N {table.force:g} N"] if table.force is not None else []

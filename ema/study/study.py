@@ -1,7 +1,7 @@
 """A study: one recipe, or one campaign with nothing said about it, from the signals to the report."""
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -30,9 +30,25 @@ from ema.estimate import amplitude_dependent_mode
 from ema.file_names import safe_name
 from ema.progress import Progress, advance, silent
 from ema.store.atomic import remove_abandoned
-from ema.study import chain, expectations, friction, kept, mapping, recipe, remote, statements
+from ema.study import chain, expectations, friction, kept, mapping, model_releases, recipe, remote, statements
+from ema.study.model_releases import ModelRelease
 from ema.study.recipe import RELEASE_QUANTITIES, EstimateTable, MapTable, Recipe
 from ema.study.sources import data_of, opened
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """What a study says beside runs and maps."""
+
+    decays: tuple[Decay, ...]
+    loops: tuple[Loop, ...]
+    placement: Placement | None
+    released: Mapping[str, ModelRelease]
+
+
+def _is_release(run: Run) -> bool:
+    """Whether a run is a free vibration, without a measured force."""
+    return run.kind == "snap-back" and not run.frfs
 
 
 @dataclass(frozen=True)
@@ -237,7 +253,7 @@ class Study:
             stepped = self._stepped(campaign)
             names = [*(run.id for run in runs), *(name for one in maps for name in one.runs)]
             used = dict.fromkeys([*names, *(mode.name for mode in stepped), *self._beside()])
-            inputs = tuple(print_ for name in used if name in data for print_ in data[name])
+            inputs = tuple(print_ for name in used if name in data for print_ in data[name]) + self._models()
             stepped += tuple(
                 mode for one in finished for mode in self._ring_downs(one, campaign, data[one.run.id], progress, resume)
             )
@@ -292,7 +308,7 @@ class Study:
         )
         if not used.keys() <= data.keys():
             return False
-        prints = tuple(print_ for name in used for print_ in data[name])
+        prints = tuple(print_ for name in used for print_ in data[name]) + self._models()
         now = self._made(campaign, prints)
         if picked:
             return set(prints) <= set(result.provenance.inputs) and now.options == result.provenance.options
@@ -301,11 +317,13 @@ class Study:
     def _runs(self, campaign: Campaign) -> tuple[Run, ...]:
         """The runs that are fitted one by one: those named, or all that belong to no map, ring-down or loop."""
         if self.recipe.runs:
-            return tuple(run for run in map(campaign.__getitem__, self.recipe.runs) if not run.levels)
+            requested = self._requested()
+            named = tuple(map(campaign.__getitem__, self.recipe.runs))
+            return tuple(run for run in named if not (run.levels or (_is_release(run) and run.id in requested)))
         measured = [table for table in self.recipe.map if not table.model]
         mapped = {run.id for table in measured for run in mapping.chosen(campaign, table)}
         mapped |= {one.run for one in self.recipe.ring_down} | {one.run for one in self.recipe.loop}
-        free = {run.id for run in campaign.runs if run.levels or (run.kind == "snap-back" and not run.frfs)}
+        free = {run.id for run in campaign.runs if run.levels or _is_release(run)}
         return tuple(run for run in campaign.runs if run.id not in mapped | free)
 
     def _beside(self) -> list[str]:
@@ -314,6 +332,21 @@ class Study:
         about = [one for one in settings.statements if one.quantity in RELEASE_QUANTITIES]
         names = [*(one.run for one in settings.ring_down), *(one.run for one in settings.loop)]
         return [*names, *(name for one in about for name in (one.run, one.other) if name)]
+
+    def _requested(self) -> set[str]:
+        """The runs that ring-downs and statements of the recipe name."""
+        settings = self.recipe
+        return {one.run for one in settings.ring_down} | {
+            name for one in settings.statements if one.run for name in (one.run, one.other)
+        }
+
+    def _models(self) -> tuple[tuple[str, str], ...]:
+        """Fingerprints of the model files that maps and releases are computed from."""
+        names = [*(one.model for one in self.recipe.map if one.model), *(one.model for one in self.recipe.release)]
+        return tuple(
+            (f"model {name}", fingerprint.of_files([model_file.locate(self.source.parent / name)]))
+            for name in dict.fromkeys(names)
+        )
 
     def _stepped(self, campaign: Campaign) -> tuple[AmplitudeDependentMode, ...]:
         """The modes over their amplitude of the runs of stepped levels."""
@@ -355,26 +388,28 @@ class Study:
         progress: Progress,
         resume: bool,
         executor: Executor | None,
-    ) -> tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None]:
-        """Ring-downs, hysteresis loops and the placement that the recipe asks for."""
+    ) -> _Beside:
+        """Ring-downs, hysteresis loops, the placement and the releases of models that the recipe asks for."""
         settings, placement = self.recipe, None
         if settings.placement:
             task = friction.placement_task(settings.placement, self.source, campaign, runs)
             placement = friction.placed(task, self.kept / "placement", resume, executor, progress)
-        return (
+        released = model_releases.simulated(self.source.parent, settings.release, progress)
+        return _Beside(
             friction.ring_downs(campaign, settings.ring_down),
-            friction.hysteresis_loops(campaign, settings.loop),
+            friction.hysteresis_loops(campaign, settings.loop) + model_releases.loops(released, settings.release),
             placement,
+            released,
         )
 
     def _without_results(self, campaign: Campaign) -> tuple[Finding, ...]:
-        """Free vibrations of which the recipe says no band."""
-        requested = {table.run for table in self.recipe.ring_down} | {one.run for one in self.recipe.statements}
-        requested |= {one.other for one in self.recipe.statements}
+        """Free vibrations of which the recipe says no band, unless it says what it is about: runs, or models alone."""
+        requested = self._requested()
+        of_models = [*self.recipe.release, *(one for one in self.recipe.map if one.model)]
+        if self.recipe.runs or (of_models and not any(requested)):
+            return ()
         return tuple(
-            chain.ring_down_finding(run)
-            for run in campaign.runs
-            if run.kind == "snap-back" and not run.frfs and run.id not in requested and not self.recipe.runs
+            chain.ring_down_finding(run) for run in campaign.runs if _is_release(run) and run.id not in requested
         )
 
     def _map(
@@ -515,7 +550,7 @@ class Study:
         campaign: Campaign,
         runs: tuple[RunResult, ...],
         over_levels: tuple[tuple[MapResult, ...], tuple[AmplitudeDependentMode, ...]],
-        beside: tuple[tuple[Decay, ...], tuple[Loop, ...], Placement | None],
+        beside: _Beside,
         inputs: tuple[tuple[str, str], ...],
     ) -> StudyResult:
         """Findings, statements and expectations about all of it."""
@@ -529,12 +564,14 @@ class Study:
         findings += tuple(finding for result in maps for finding in result.findings)
         findings += friction.to_know(stepped)
         findings += self._without_results(campaign)
-        decays, loops, placement = beside
+        decays, loops, placement = beside.decays, beside.loops, beside.placement
         findings += tuple(finding for one in loops for finding in one.findings)
         if placement is not None:
             findings += placement.all_findings
         checked = friction.forecast_check(self.recipe.placement, placement, maps)
-        judged = statements.judge(self.recipe.statements, maps, runs, self.recipe.assumed, campaign=campaign)
+        judged = statements.judge(
+            self.recipe.statements, maps, runs, self.recipe.assumed, campaign=campaign, released=beside.released
+        )
         if self.recipe.logo:
             campaign = replace(campaign, logo=str((self.source.parent / self.recipe.logo).resolve()))
         return StudyResult(

@@ -46,6 +46,14 @@ def test_an_installed_package_uses_its_own_files(root: Path, packaged: dict[str,
     assert not list(installed.rglob("raw"))
 
 
+def test_a_recipe_brings_the_models_that_it_is_computed_from(tmp_path) -> None:
+    """Every model that a table of the recipe names is there, at the path that it names."""
+    recipe = datasets.fetch_recipe("double_beam_before_sticking", tmp_path)
+    settings = Study.load(recipe).recipe
+    named = [one.model for one in (*settings.map, *settings.release)]
+    assert len(named) == 3 and all((recipe.parent / name / "model.toml").is_file() for name in named)
+
+
 @pytest.fixture
 def quick(monkeypatch) -> str:
     """A built-in campaign whose signals take no time."""

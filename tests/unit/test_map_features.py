@@ -60,6 +60,15 @@ def test_a_frequency_that_is_highest_at_the_ridge_does_not_dip():
     assert statement.verdict == "not matched" and statement.value < 0
 
 
+def test_damping_beyond_the_ridge_is_set_against_that_at_the_ridge():
+    """0.6 % far from a ridge of 1.6 % at 60 N: 0.375 of it. What does not fall, or is the ridge itself, is not below it."""
+    statement = judged(as_map(moving(0.0, at=60.0)), "damping over ridge", forces=(700, 1200), low=0.3, high=0.4)
+    assert statement.verdict == "matched" and statement.value == pytest.approx(0.6 / 1.6, rel=0.02)
+    assert judged(as_map(moving(0.0, at=60.0)), "damping over ridge", forces=(40, 1200), high=1).verdict != "matched"
+    constant = as_map(np.full((len(LEVELS), len(FORCES)), 0.6))
+    assert judged(constant, "damping over ridge", forces=(200, 1200), high=1).verdict == "not matched"
+
+
 def test_a_ridge_at_600_newtons_is_not_in_the_kilonewtons():
     """Six times the ridge of the other map at 100 N: the rule before asked for five times and called it "in the kN"."""
     levels, forces = np.array([6.0, 20, 40]), np.geomspace(75, 9600, 22)
@@ -214,7 +223,7 @@ def test_sentences_and_readings_stand_apart_in_the_report():
     book = Book()
     assert [section.title for section in sections(result, book)] == ["The publication's statements", "Our readings"]
     quoted, reading = book.tables
-    assert "in the paper's own words" in quoted.rows[0] and "not matched" in quoted.rows[0]
+    assert "“in the paper's own words” (section 2.2)" in quoted.rows[0] and "not matched" in quoted.rows[0]
     assert any(str(cell).startswith("open to") for cell in reading.rows[0])
     assert statement_lines(result) == [
         "1 statement of the publication: 1 not matched.",

@@ -45,7 +45,7 @@ def test_an_interval_is_shown_with_the_digits_that_tell_its_ends_apart(value, ha
     )
     book = Book()
     statements(StudyResult(Campaign("beam", ()), (), statements=(one,)), book)
-    assert tuple(str(cell) for cell in book.tables[0].rows[0][3:5]) == shown
+    assert tuple(str(cell) for cell in book.tables[0].rows[0][4:6]) == shown
 
 
 def test_a_missed_verdict_is_told_in_words():

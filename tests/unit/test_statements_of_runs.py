@@ -61,6 +61,49 @@ def test_where_the_structure_is_not_linear_the_frfs_are_read_at_the_level_of_the
     linear(result(accepted(), findings=(NOT_LINEAR,)), 60.0)
 
 
+def test_runs_that_stand_beside_each_other_are_read_in_one_way():
+    """One run that is not linear: the accepted modes of the other are not set beside what a fit to its FRFs reads."""
+    slips = replace(result(accepted(), findings=(NOT_LINEAR,)), run=Run("slips", Condition()))
+    tables = [
+        recipe.StatementTable(
+            text="t", source="s", quantity=quantity, verdict="matched", run=run, near=60.0, low=0, **more
+        )
+        for run, quantity, more in (
+            ("r", "run frequency", {}),
+            ("slips", "run frequency", {}),
+            ("slips", "run damping over run", {"other": "r"}),
+        )
+    ]
+    both = (result(accepted()), slips)
+    one, other, ratio = statements.judge(tables, (), both)
+    assert one.value == other.value == local_fit(both[0].frfs, 60.0).natural_frequency
+    assert ratio.value == 1.0 and all("one linear mode" in each.quantity for each in (one, other, ratio))
+    alone = statements.judge(tables[:1], (), both)[0]
+    assert "accepted mode" in alone.quantity and alone.value != one.value
+
+
+def test_a_run_without_an_accepted_mode_makes_a_ratio_one_of_fits():
+    lacks = replace(result(replace(accepted(), covariance=None)), run=Run("lacks", Condition()))
+    table = recipe.StatementTable(
+        text="t",
+        source="s",
+        quantity="run damping over run",
+        verdict="matched",
+        run="r",
+        near=60.0,
+        low=0,
+        other="lacks",
+    )
+    (ratio,) = statements.judge([table], (), (result(accepted(std=(0.05, 1e-3))), lacks))
+    assert ratio.value == 1.0 and "one linear mode" in ratio.quantity
+
+
+def test_a_fit_that_the_report_shows_is_the_one_that_is_judged():
+    shown = replace(local_fit(frf_set(0.001), 60.0), natural_frequency=60.4)
+    run = replace(result(accepted(), findings=(NOT_LINEAR,)), equivalent=(shown,))
+    assert judged(run, "run frequency", 60.0).value == 60.4
+
+
 def test_a_mode_that_was_not_accepted_is_read_from_its_peak():
     modes = accepted()
     some = replace(
@@ -102,7 +145,7 @@ def test_a_sentence_that_nothing_measures_is_listed_with_what_it_would_take():
     assert one.met and one.quoted and np.isnan(one.value)
     assert one.reason == "It would take responses beside the beam."
     shown = [str(cell) for cell in maps_of_report._judged(one)]
-    assert shown == [MISSING, MISSING, MISSING, "not testable here", one.reason, MISSING]
+    assert shown == [MISSING, MISSING, MISSING, MISSING, "not testable here", one.reason]
 
 
 @pytest.mark.parametrize(
@@ -111,7 +154,10 @@ def test_a_sentence_that_nothing_measures_is_listed_with_what_it_would_take():
         ({"missing": ""}, "needs a quantity, or in missing"),
         ({"verdict": "matched"}, "the verdict 'not testable here'"),
         ({"sentence": ""}, "has its sentence"),
-        ({"quantity": "run damping", "run": "r", "near": 1.0, "low": 0}, "leave out quantity, map and run, or it"),
+        (
+            {"quantity": "run damping", "run": "r", "near": 1.0, "low": 0},
+            "leave out quantity, map, run and release, or it",
+        ),
     ],
 )
 def test_such_a_sentence_claims_nothing_else(changes, said):
