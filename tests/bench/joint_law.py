@@ -9,7 +9,10 @@ its weight should be below 0.05. Every table also makes the experiments that are
 truth reweights the draws.
 
     python -m tests.bench.joint_law reports/work_table_joint --n 200 --seed 1 --publish
+    python -m tests.bench.joint_law reports/work_table_joint --n 60 --seed 1 --like --publish
 
+``--like`` draws the joints from what the file itself leaves possible under the law in turn, where the laws differ most;
+only the weights of laws and the experiments are counted on these, for their truth is not drawn from the prior.
 ``--publish`` keeps every table as soon as it is counted; tables of other code give way. ``--first`` divides them among
 processes.
 """
@@ -19,15 +22,16 @@ import fcntl
 import json
 import time
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ema.compare.joint_experiments import JOINTS, between_joints, between_laws, of_laws
 from ema.compare.joint_law import Datum, JointAssessment, JointModel, Posterior, posteriors, weighted
 from ema.compare.joint_loops import LAWS
-from ema.compare.joint_statements import JointFile, load
+from ema.compare.joint_statements import load
 from tests.bench import provenance
 from tests.bench.joint_law_page import counts
 
@@ -39,9 +43,17 @@ FEW = 200
 """Draws of a law below which a run of its own looks for its nearest."""
 
 
-def drawn(model: JointModel, rng: np.random.Generator) -> tuple[np.ndarray, tuple[Datum, ...]]:
-    """Parameters (1, parameter) of a table of the law of ``model``, and what would have been said of it."""
-    z = rng.standard_normal((1, len(model.parameters)))
+class Table(NamedTuple):
+    """Which table: its random numbers, its place in turn, runs of the sampler, and where its joint is drawn from."""
+
+    seed: int
+    number: int
+    runs: int
+    like: bool
+
+
+def said_of(model: JointModel, z: np.ndarray, rng: np.random.Generator) -> tuple[Datum, ...]:
+    """What would have been said of a table of these parameters (1, parameter)."""
     found = []
     for datum, truth in zip(model.data, model.readings(z)[0], strict=True):
         reading = float(truth + datum.std * rng.standard_normal())
@@ -53,24 +65,36 @@ def drawn(model: JointModel, rng: np.random.Generator) -> tuple[np.ndarray, tupl
             found.append(replace(datum, low=datum.high, high=np.inf))
         else:
             found.append(datum)
-    return z, tuple(found)
+    return tuple(found)
 
 
-def counted(told: JointFile, seed: int, number: int, runs: int) -> dict[str, Any]:
+@cache
+def _possible(file: Path, two: bool, law: str) -> np.ndarray:
+    """Draws of what the file leaves possible."""
+    found = posteriors(JointModel(load(file), law=law), 0, runs=1)[two]
+    assert found is not None
+    return found.draws
+
+
+def counted(file: Path, table: Table) -> dict[str, Any]:
     """One table: what holds its truth, what is called determined, and the weights with their ranges."""
-    rng, start = np.random.default_rng([seed, number]), time.process_time()
+    told, (seed, number, runs, like) = load(file), table
     is_one, law = number % 2 == 0, LAWS[number // 2 % len(LAWS)]
     truth = JointModel(told, two=not is_one, law=law)
-    z, said = drawn(truth, rng)
+    possible = _possible(file, not is_one, law) if like else None
+    rng, start = np.random.default_rng([seed, number, like]), time.process_time()
+    if possible is None:
+        z = rng.standard_normal((1, len(truth.parameters)))
+    else:
+        z = possible[[int(rng.integers(len(possible)))]]
+    said = said_of(truth, z, rng)
     one, two = posteriors(JointModel(told, said=said), int(rng.integers(2**31)), runs=runs)
     found = JointAssessment(one, two, (), ())
     right = one if is_one else two
     assert right is not None and two is not None
     values = truth.values(z) | truth.combinations(z)
     return {
-        "seed": seed,
-        "number": number,
-        "runs": runs,
+        **table._asdict(),
         "one": is_one,
         "law": law,
         "held": {name: bool(low <= values[name][0] <= high) for name, (low, high) in right.interval.items()},
@@ -136,14 +160,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first table")
     parser.add_argument("--runs", type=int, default=2, help="runs of the sampler for each table")
+    parser.add_argument("--like", action="store_true", help="draw joints that the file itself leaves possible")
     parser.add_argument("--publish", action="store_true", help="store the counts for docs/joint.md")
     given = parser.parse_args()
-    told, rows = load(given.file), []
+    rows = []
     for number in range(given.first, given.first + given.n):
-        if given.publish and (row := _stored(given.seed, number, given.runs)) is not None:
+        table = Table(given.seed, number, given.runs, given.like)
+        if given.publish and (row := _stored(table)) is not None:
             rows.append(row)
             continue
-        row = counted(told, given.seed, number, given.runs)
+        row = counted(given.file, table)
         rows.append(row)
         low, high = row["weight_interval"]
         print(
@@ -163,17 +189,20 @@ def _tables() -> list[dict[str, Any]]:
     return [] if not stored or provenance.outdated(stored) else list(stored["tables"])
 
 
-def _stored(seed: int, number: int, runs: int) -> dict[str, Any] | None:
+def _key(row: dict[str, Any]) -> Table:
+    return Table(row["seed"], row["number"], row["runs"], row["like"])
+
+
+def _stored(table: Table) -> dict[str, Any] | None:
     """A table that was counted before."""
-    wanted = (seed, number, runs)
-    return next((one for one in _tables() if (one["seed"], one["number"], one["runs"]) == wanted), None)
+    return next((one for one in _tables() if _key(one) == table), None)
 
 
 def publish(row: dict[str, Any]) -> None:
     """Keep one table beside those of the same code; processes that count at the same time wait for each other."""
     with Path(__file__).open(encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        others = [one for one in _tables() if (one["seed"], one["number"]) != (row["seed"], row["number"])]
+        others = [one for one in _tables() if _key(one) != _key(row)]
         kept = provenance.stamp(MODULE) | {"tables": [*others, row]}
         RESULT.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 

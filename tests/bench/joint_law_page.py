@@ -22,14 +22,22 @@ SURE = 0.95
 
 def counts(tables: list[dict[str, Any]]) -> list[str]:
     """Lines that say how often intervals and weights are right."""
-    return [" ".join(cells) for part in (_held, _weights, _laws, _experiments) for cells in part(tables)]
+    prior, like = _drawn(tables)
+    parts = [part(prior) for part in (_held, _weights, _laws, _experiments)] if prior else []
+    parts += [_laws(like), _experiments(like)] if like else []
+    return [" ".join(cells) for rows in parts for cells in rows]
+
+
+def _drawn(tables: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """Tables whose joints are of the prior, and those whose joints the file leaves possible."""
+    return [[one for one in tables if one["like"] is like] for like in (False, True)]
 
 
 def section(stored: dict[str, Any]) -> str:
     """The counts as tables of the page."""
     from tests.bench.write_docs import older  # that module writes this page
 
-    tables = stored["tables"]
+    tables, like = _drawn(stored["tables"])
     lines = [
         f"{len(tables)} tables, {sum(one['one'] for one in tables)} of them with one joint, of every law as many, of the prior "
         f"of the paper's file ({', '.join(sorted({str(one['runs']) for one in tables}))} runs of the sampler each; 95 % "
@@ -42,11 +50,24 @@ def section(stored: dict[str, Any]) -> str:
             "the right one has 0.95 after it (predicted)",
             _experiments(tables),
         ),
+        *_of_possible(like),
         "",
         f"Measured {stored['date']} on {stored['machine']['processor']} ({stored['machine']['cores']} cores), "
         f"{np.mean([one['seconds'] for one in tables]):.0f} s of processor time for a table.",
     ]
     return "\n".join(lines) + older(("joint_law",))
+
+
+def _of_possible(like: list[dict[str, Any]]) -> list[str]:
+    if not like:
+        return []
+    left, right = "weight given to a law", "laws that are those of their table"
+    return [
+        "",
+        f"{len(like)} tables of joints that the paper's file leaves possible, under each law in turn:",
+        *_table(left, right, _laws(like)),
+        *_table("experiment", "the right one has 0.95 after it (predicted)", _experiments(like)),
+    ]
 
 
 def _table(left: str, right: str, rows: list[list[str]]) -> list[str]:
