@@ -5,7 +5,7 @@ with a standard deviation; a sentence says that a reading lies in an interval.
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -164,16 +164,25 @@ class JointFile(Table):
         return self.modes[mode].levels or self.levels, self.modes[mode].normal_forces or self.normal_forces
 
 
+class _Tables(dict[str, type[Table]]):
+    """The tables by name; those of modes are called as people like."""
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The class of a table."""
+        return ModeTable if name.startswith("modes.") else super().get(name, default)
+
+
 KIND = FileKind(
     table=JointFile,
-    tables={
-        "": JointFile,
-        "bare": BareTable,
-        "prior": PriorTable,
-        "modes.*": ModeTable,
-        "hammer": ReadingTable,
-        "shaker": SentenceTable,
-    },
+    tables=_Tables(
+        {
+            "": JointFile,
+            "bare": BareTable,
+            "prior": PriorTable,
+            "hammer": ReadingTable,
+            "shaker": SentenceTable,
+        }
+    ),
     name=FILE_NAME,
     absent="there are no statements here",
     guide="docs/joint.md",

@@ -91,12 +91,7 @@ def _bools(value: Any) -> str:
 T = TypeVar("T", bound=Table)
 
 Tables = Mapping[str, type[BaseModel]]
-"""The tables of a file by their dotted names (``modes.*``: any name): keys that are offered for an unknown one."""
-
-
-def _model(tables: Tables, names: Sequence[str]) -> type[BaseModel] | None:
-    """The class of the table of this name."""
-    return tables.get(".".join(names)) or (tables.get(".".join((*names[:-1], "*"))) if names else None)
+"""The tables of a file by their dotted names: the keys that may be offered instead of an unknown one."""
 
 
 def document_of(text: str, where: str, former: FormerNames) -> tuple[dict[str, Any], tuple[Finding, ...]]:
@@ -224,7 +219,7 @@ def _troubles(
         table = _name_of(steps[:-1])
         match detail["type"]:
             case "extra_forbidden":
-                model = _model(tables, names[:-1])
+                model = tables.get(".".join(names[:-1]))
                 known = list(model.model_fields) if model else []
                 close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
                 advice = f"did you mean {close[0]}?" if close else "known keys: " + ", ".join(known)
@@ -236,7 +231,7 @@ def _troubles(
             case kind:
                 got = repr(detail["input"])
                 said = detail["msg"][:1].lower() + detail["msg"][1:]
-                if kind == "model_type" and (model := _model(tables, names)):
+                if kind == "model_type" and (model := tables.get(".".join(names))):
                     said = "a table with the keys " + ", ".join(model.model_fields)
                     said += " is meant, { key = value, ... }"
                 shown = len(got) < 80 and kind != "bool_as_number"
