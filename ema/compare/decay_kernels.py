@@ -1,4 +1,4 @@
-"""Compiled: what decays and steady states of one mode with a Masing spring let be read."""
+"""Compiled: what decays and steady states of one mode with a friction joint let be read."""
 
 import numpy as np
 
@@ -70,34 +70,62 @@ def _integral(whole, pole, frequency, rate):
 
 
 @compiled(error_model="numpy")
-def driven(ratios, losses, wanted, curve):
-    """Place of the slip at which the power of a force is lost: index of the slip below and the share of the step.
+def driven(ratios, losses, wanted, laws, curve):
+    """Stiffness and loss over k, each (case, condition), at the slip at which the power of a force is lost.
 
     ``ratios`` (case, condition): stiffness of the joint over that of the sliding mode; ``losses`` (2, case): damping
     ratio without friction and loss factor of the stuck contacts; ``wanted`` (case, condition): force over what the slip
-    at yield needs per damping. ``curve``: slips (slip,), and k' and k'' over k there. The lowest of several is taken.
+    at yield needs per damping; ``laws`` (case,): rows of the loops. ``curve``: slips (slip,), and k' and k'' over k
+    there, each (law, slip), with ``slips`` even in the logarithm. The lowest of several slips is taken; between those
+    of the curve both are straight.
     """
     slips, stiffness, loss = curve
-    count = len(slips)
-    stuck_rows = 0  # below yield the force is proportional to the slip
-    while stuck_rows < count and slips[stuck_rows] <= 1:
-        stuck_rows += 1
-    found = np.empty(ratios.shape)
+    count, step = len(slips), np.log(slips[1] / slips[0])
+    most = np.zeros(len(loss))
+    for law in range(len(loss)):
+        most[law] = loss[law].max()
+    found = np.empty((2, *ratios.shape))
     for case in range(ratios.shape[0]):
-        damping, stuck = losses[0, case], losses[1, case]
+        damping, stuck, law = losses[0, case], losses[1, case], laws[case]
         for one in range(ratios.shape[1]):
             ratio, want = ratios[case, one], wanted[case, one]
-            before, place, first = 0.0, float(count - 1), 0
-            each = (2 * damping * np.sqrt(1 + ratio) + ratio * stuck) / ratio
-            if stuck_rows and each * slips[stuck_rows - 1] < want:
-                before, first = each * slips[stuck_rows - 1], stuck_rows
-            for row in range(first, count):
-                root = np.sqrt(1 + ratio * stiffness[row])
-                # 2 zeta w^2 q = phi F with q = s x_c / psi and k psi^2 = ratio w_sliding^2
-                need = (2 * damping * root + ratio * (loss[row] + stuck * stiffness[row])) * slips[row] / ratio
+            # 2 zeta w^2 q = phi F, q = s x_c / psi, k psi^2 = ratio w_sliding^2; over the slip, at most this
+            highest = 2 * damping * np.sqrt(1 + ratio) / ratio + most[law] + stuck
+            place = int(np.log(want / (highest * slips[0])) / step) if want > highest * slips[0] else 0
+            before, below, share = 0.0, count - 2, 1.0
+            for row in range(min(place, count - 1), count):
+                root = np.sqrt(1 + ratio * stiffness[law, row])
+                need = (2 * damping * root / ratio + loss[law, row] + stuck * stiffness[law, row]) * slips[row]
                 if need >= want:
-                    place = max(row - 1, 0) + ((want - before) / (need - before) if row else 0.0)
+                    below = max(row - 1, 0)
+                    share = (want - before) / (need - before) if row else 0.0
                     break
-                before = max(before, need)
-            found[case, one] = place
+                before = need
+            found[0, case, one] = stiffness[law, below] + share * (stiffness[law, below + 1] - stiffness[law, below])
+            found[1, case, one] = loss[law, below] + share * (loss[law, below + 1] - loss[law, below])
+    return found
+
+
+@compiled(error_model="numpy")
+def interpolated(table, laws, places):
+    """Values (case, value) of a ``table`` (law, a, b, c, d, value) between its nodes, straight along every axis.
+
+    ``laws`` (case,): rows of the first axis; ``places`` (case, 4): indices of the others with their fractions.
+    """
+    found = np.zeros((len(laws), table.shape[5]))
+    below, share = np.empty(4, np.int64), np.empty(4)
+    for case in range(len(laws)):
+        for axis in range(4):
+            last = table.shape[1 + axis] - 1
+            place = min(max(places[case, axis], 0.0), float(last))
+            below[axis] = min(int(place), last - 1)
+            share[axis] = place - below[axis]
+        for corner in range(16):
+            weight = 1.0
+            a, b = below[0] + (corner & 1), below[1] + (corner >> 1 & 1)
+            c, d = below[2] + (corner >> 2 & 1), below[3] + (corner >> 3 & 1)
+            for axis in range(4):
+                weight *= share[axis] if corner >> axis & 1 else 1 - share[axis]
+            for value in range(table.shape[5]):
+                found[case, value] += weight * table[laws[case], a, b, c, d, value]
     return found

@@ -1,33 +1,33 @@
-"""What one friction joint on one mode lets a hammer and a shaker test read, in closed form, for many joints at once.
+"""What one friction joint on one mode lets a hammer and a shaker test read, for many joints at once.
 
-One mode with a Masing spring: k' = (k/pi)(theta - sin(2 theta)/2) and k'' = 4 k y (1 - y)/pi with y = 1/s, theta =
-arccos(1 - 2 y), s the slip over that at which the spring yields (Caughey 1960, Journal of Applied Mechanics 27:640).
-A hammer gives the mode a slip that its impulse decides; the decay that follows is read as one linear mode. A shaker
-holds the mode at the slip at which the power of the force is lost.
+One mode with a spring whose loop has the first harmonic k' + j k'' at a slip s (``ema.compare.joint_loops``). A hammer
+gives the mode a slip that its impulse decides; the decay that follows is read as one linear mode. A shaker holds the
+mode at the slip at which the power of the force is lost.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 from ema.compare.decay_kernels import driven, explained
+from ema.compare.joint_loops import LAWS, harmonic
 
-_SLIPS = np.geomspace(1e-2, 1e4, 72)
-"""Slip over that at which the spring yields."""
+_SLIPS = np.geomspace(1e-3, 1e4, 84)
+"""Slip over that at which the spring of Masing yields."""
 _STEP = float(np.log(_SLIPS[1] / _SLIPS[0]))
-_THETA = np.arccos(1 - 2 / np.maximum(_SLIPS, 1.0))
-_STIFFNESS = (_THETA - np.sin(2 * _THETA) / 2) / np.pi
-_LOSS = 4 / np.maximum(_SLIPS, 1.0) * (1 - 1 / np.maximum(_SLIPS, 1.0)) / np.pi
+_STIFFNESS, _LOSS = (np.stack(each) for each in zip(*(harmonic(law, _SLIPS) for law in LAWS), strict=True))
 
 Columns = Float[np.ndarray, "draw"]
 
 _LEVELS = np.array([0.15, 0.3, 0.45, 0.6, 0.8, 1.0])
 _COUNTS = np.array([17.0, 15.0, 15.0, 13.0, 12.0, 8.0])
 """Levels over the highest of 80 points struck on a free plate in bending, and how many points have about that level."""
-_START = 1.0
-"""Slip at which the decay over the nodes ends: below it the mode is linear."""
-_NODES = np.geomspace(_START, 3e3, 31)
+_START = 0.03
+"""Slip at which the decay over the nodes ends: below it the mode is linear, but for a loss factor of 0.013 (Dahl)."""
+_NODES = np.geomspace(_START, 3e3, 44)
+LARGEST_SLIP = float(0.999 * _NODES[-1])
+"""Highest slip that a hammer test is read at; what is beyond counts as that one."""
 _FREQUENCIES, _DAMPINGS, _REFINEMENTS = 9, 5, 4
 """Trial poles, from the sliding to the sticking frequency and from the least damping to the highest; refinements.
 
@@ -47,6 +47,9 @@ class Beam:
     rest : the same of what is in series with the contacts, whatever the normal force.
     exponent : of the contact stiffness over the normal force.
     loss : loss factor of the sticking contacts.
+    law : row of ``LAWS``, the first where it is left out.
+    opens : lift-off force over the force of the shaker (:meth:`lifted`); without it the contact never opens.
+    carried : share of the mass that the mode carries without a normal force, by weight, guides and bolts.
     """
 
     bare: float
@@ -56,25 +59,53 @@ class Beam:
     rest: Columns
     exponent: Columns
     loss: Columns
+    law: Int[np.ndarray, "draw"] | None = None
+
+    opens: Columns | None = None
+    carried: Columns | None = None
+
+    @property
+    def laws(self) -> Int[np.ndarray, "draw"]:
+        """Row of ``LAWS`` of every draw."""
+        return np.zeros(len(self.drop), np.int64) if self.law is None else self.law
 
     def of(self, draws: np.ndarray) -> "Beam":
         """The beams of these draws."""
-        columns = (self.drop, self.damping, self.stiffness, self.rest, self.exponent, self.loss)
+        columns = (self.drop, self.damping, self.stiffness, self.rest, self.exponent, self.loss, self.laws)
         return Beam(self.bare, *(one[draws] for one in columns))
 
-    def ratio(self, forces: Float[np.ndarray, "force"]) -> Float[np.ndarray, "draw force"]:
-        """Stiffness of the joint over that of the sliding mode at normal forces in N."""
-        contact = self.stiffness[:, None] * (forces / 1000.0) ** self.exponent[:, None]
-        return np.asarray(contact * self.rest[:, None] / (contact + self.rest[:, None]))
+    def lifted(
+        self, force: Float[np.ndarray, "point"], normal: Float[np.ndarray, "point"]
+    ) -> tuple[np.ndarray | float, np.ndarray]:
+        """Share of the contact that is closed, and relative drop of the frequency, each (draw, point), under a shaker.
 
-    def curves(self, ratio: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Frequency [Hz] and damping ratio at rows of the slips, of stiffness ratios (draw, ...) of the same shape."""
-        drop, damping, loss = (
-            each.reshape(-1, *(1,) * (ratio.ndim - 1)) for each in (self.drop, self.damping, self.loss)
-        )
-        square = 1 + ratio * _STIFFNESS[rows]
-        lost = ratio * (_LOSS[rows] + loss * _STIFFNESS[rows])
-        return self.bare * (1 - drop) * np.sqrt(square), (2 * damping * np.sqrt(square) + lost) / (2 * square)
+        The force N(t) of a contact that cannot pull is never negative and F_N in the mean over a period T, so that its
+        first harmonic, (2/T) |int N(t) cos(wt) dt| <= (2/T) int N(t) dt, is at most 2 F_N. The beam follows by a force
+        P = m a, which the force of the shaker decides at resonance: of mass and contact stiffness at most a share of
+        2 F_N/P = F_N/F_0 is there, with the lift-off force F_0 = P/2. The model takes that bound.
+        """
+        if self.opens is None or self.carried is None:
+            return 1.0, self.drop[:, None]
+        closed = np.minimum(1.0, normal / (self.opens[:, None] * force))
+        return closed, self.drop[:, None] * (self.carried[:, None] + (1 - self.carried[:, None]) * closed)
+
+    def ratio(
+        self, forces: Float[np.ndarray, "force"], closed: np.ndarray | float = 1.0
+    ) -> Float[np.ndarray, "draw force"]:
+        """Stiffness of the joint over that of the sliding mode at normal forces in N, of a ``closed`` share."""
+        contact = closed * self.stiffness[:, None] * (forces / 1000.0) ** self.exponent[:, None]
+        return np.asarray(contact / (1 + contact / self.rest[:, None]))
+
+    def modal(
+        self, ratio: np.ndarray, stiffness: np.ndarray, loss: np.ndarray, drop: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Frequency [Hz] of the loaded mode and damping ratio, of the joint's ratio, k'/k and k''/k (draw, ...)."""
+        every = (-1, *(1,) * (ratio.ndim - 1))
+        stuck, square = self.loss.reshape(every), 1 + ratio * stiffness
+        root = np.sqrt(square)
+        sliding = self.bare * (1 - (self.drop.reshape(every) if drop is None else drop))
+        lost = ratio * (loss + stuck * stiffness)
+        return sliding * root, self.damping.reshape(every) / root + lost / (2 * square)
 
 
 def hammer(
@@ -100,8 +131,8 @@ def hammer(
     """
     ratio = beam.ratio(forces)
     highest = impulse[:, None] * ratio / forces
-    slips = np.minimum(np.maximum(highest[..., None] * _LEVELS, 1e-9), 0.999 * _NODES[-1])
-    frequency, damping = beam.curves(ratio, np.array(0))  # joints that stick throughout
+    slips = np.minimum(np.maximum(highest[..., None] * _LEVELS, 1e-9), LARGEST_SLIP)
+    frequency, damping = beam.modal(ratio, np.ones_like(ratio), np.zeros_like(ratio))  # joints that stick throughout
     draws, columns = np.nonzero(slips.max(axis=-1) > _START)
     poles = _Decay.of(beam.of(draws), ratio[draws, columns]).best_pole(slips[draws, columns])
     frequency[draws, columns] = np.abs(poles) / (2 * np.pi)
@@ -129,7 +160,7 @@ class _Decay:
         middle = np.sqrt(_NODES[1:] * _NODES[:-1])
         step = np.log(_NODES[1] / _NODES[0])
         logs = np.log(_SLIPS)
-        frequency, damping = beam.curves(ratio[..., None], np.arange(len(_SLIPS)))
+        frequency, damping = beam.modal(ratio[..., None], _STIFFNESS[beam.laws], _LOSS[beam.laws])
         shape = (*ratio.shape, len(middle))
         place = np.clip((np.log(middle) - logs[0]) / _STEP, 0, len(_SLIPS) - 1.001)
         below, share = place.astype(int), place % 1
@@ -203,12 +234,11 @@ def shaker(
 
     Returns
     -------
-    Frequency [Hz] and damping ratio, each (draw, point), interpolated between the slips of the table.
+    Frequency [Hz] and damping ratio, each (draw, point); k' and k'' are interpolated between the slips of the table.
     """
-    ratio = beam.ratio(normal)
+    closed, drop = beam.lifted(force, normal)
+    ratio = beam.ratio(normal, closed)
     wanted = drive[:, None] * np.asarray(force) / normal
-    row = driven(ratio, np.stack([beam.damping, beam.loss]), wanted, (_SLIPS, _STIFFNESS, _LOSS))
-    below = np.minimum(row.astype(int), len(_SLIPS) - 2)
-    ends = [beam.curves(ratio, below + step) for step in (0, 1)]
-    share = row - below
-    return tuple(low + share * (high - low) for low, high in zip(*ends, strict=True))
+    losses = np.stack([beam.damping, beam.loss])
+    stiffness, loss = driven(ratio, losses, wanted, beam.laws, (_SLIPS, _STIFFNESS, _LOSS))
+    return beam.modal(ratio, stiffness, loss, drop)

@@ -5,7 +5,7 @@ with a standard deviation; a sentence says that a reading lies in an interval.
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -38,10 +38,13 @@ class PriorTable(Table):
     hammer_shape: Annotated[list[float], Field(min_length=2, max_length=2)] = [1.5, 7.6]
     shaker_shape: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.3, 4.8]
     contact_time: float = Field(default=0.5e-3, gt=0)
+    lift_off: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
 
     @model_validator(mode="after")
     def _rising(self) -> "PriorTable":
-        for key in ("friction_coefficient", "peak_force", "exponent", "hammer_shape", "shaker_shape"):
+        for key in ("friction_coefficient", "peak_force", "exponent", "hammer_shape", "shaker_shape", "lift_off"):
+            if getattr(self, key) is None:
+                continue
             low, high = getattr(self, key)
             if not 0 <= low < high or (low == 0 and key != "exponent"):
                 raise ValueError(f"{key} is a range of positive numbers, the smaller one first, not {[low, high]}")
@@ -53,6 +56,13 @@ class BareTable(Table):
 
     frequency: Frequency
     damping: Ratio
+
+
+class ModeTable(BareTable):
+    """``[modes.3]``: another mode without the beam, and what was swept for it where that differs."""
+
+    levels: Forces = []
+    normal_forces: Forces = []
 
 
 class ReadingTable(Table):
@@ -83,6 +93,7 @@ class SentenceTable(Table):
     high: float | None = None
     level: Annotated[Force, Field(gt=0)] | None = None
     normal_force: Annotated[Force, Field(gt=0)] | None = None
+    mode: str | None = None
 
     @model_validator(mode="after")
     def _sound(self) -> "SentenceTable":
@@ -110,6 +121,7 @@ class JointFile(Table):
     levels: Forces = []
     normal_forces: Forces = []
     prior: PriorTable = PriorTable()
+    modes: dict[str, ModeTable] = {}
     hammer: list[ReadingTable] = []
     shaker: list[SentenceTable] = []
 
@@ -117,20 +129,60 @@ class JointFile(Table):
     def _complete(self) -> "JointFile":
         if not self.hammer and not self.shaker:
             raise ValueError("no number and no sentence; add [[hammer]] or [[shaker]]")
-        if self.shaker and (len(self.levels) < 2 or len(self.normal_forces) < 3):
-            raise ValueError("sentences about a shaker test need its levels (2 or more) and normal_forces (3 or more)")
+        for mode in self.modes_of_shaker:
+            if mode is not None and mode not in self.modes:
+                raise ValueError(
+                    f"a sentence is about mode {mode!r}; add [modes.{mode}] with its frequency and damping"
+                )
+            levels, normal_forces = self.swept(mode)
+            if len(levels) < 2 or len(normal_forces) < 3:
+                where = "" if mode is None else f" on mode {mode}"
+                raise ValueError(
+                    f"sentences about a shaker test{where} need its levels (2 or more) and normal_forces (3 or more)"
+                )
+        if unused := [mode for mode in self.modes if mode not in self.modes_of_shaker]:
+            raise ValueError(f"no sentence is about [modes.{unused[0]}]; add mode = {unused[0]!r} to one, or remove it")
         return self
+
+    @property
+    def modes_of_shaker(self) -> tuple[str | None, ...]:
+        """The modes that sentences of the shaker test are about, each once; None is that of ``[bare]``."""
+        return tuple(dict.fromkeys(one.mode for one in self.shaker))
+
+    def sentences(self, mode: str | None) -> list[SentenceTable]:
+        """Sentences of the shaker test about a mode."""
+        return [one for one in self.shaker if one.mode == mode]
+
+    def bare_mode(self, mode: str | None) -> BareTable:
+        """A mode without the beam."""
+        return self.bare if mode is None else self.modes[mode]
+
+    def swept(self, mode: str | None) -> tuple[list[float], list[float]]:
+        """Levels and normal forces in N of the shaker test on a mode."""
+        if mode is None:
+            return self.levels, self.normal_forces
+        return self.modes[mode].levels or self.levels, self.modes[mode].normal_forces or self.normal_forces
+
+
+class _Tables(dict[str, type[Table]]):
+    """The tables by name; those of modes are called as people like."""
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The class of a table."""
+        return ModeTable if name.startswith("modes.") else super().get(name, default)
 
 
 KIND = FileKind(
     table=JointFile,
-    tables={
-        "": JointFile,
-        "bare": BareTable,
-        "prior": PriorTable,
-        "hammer": ReadingTable,
-        "shaker": SentenceTable,
-    },
+    tables=_Tables(
+        {
+            "": JointFile,
+            "bare": BareTable,
+            "prior": PriorTable,
+            "hammer": ReadingTable,
+            "shaker": SentenceTable,
+        }
+    ),
     name=FILE_NAME,
     absent="there are no statements here",
     guide="docs/joint.md",

@@ -14,32 +14,64 @@ EDGES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
 _BEGIN, _END = "<!-- calibration: begin -->", "<!-- calibration: end -->"
 
 
+OFF = 3.0
+"""Standard deviations beyond which a law differs from the truth in some number or sentence."""
+SURE = 0.95
+"""Weight from which on a hypothesis is decided on."""
+
+
 def counts(tables: list[dict[str, Any]]) -> list[str]:
     """Lines that say how often intervals and weights are right."""
-    return [" ".join(cells) for cells in [*_held(tables), *_weights(tables)]]
+    prior, like = _drawn(tables)
+    parts = [part(prior) for part in (_held, _weights, _laws, _experiments)] if prior else []
+    parts += [_laws(like), _experiments(like)] if like else []
+    return [" ".join(cells) for rows in parts for cells in rows]
+
+
+def _drawn(tables: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """Tables whose joints are of the prior, and those whose joints the file leaves possible."""
+    return [[one for one in tables if one["like"] is like] for like in (False, True)]
 
 
 def section(stored: dict[str, Any]) -> str:
     """The counts as tables of the page."""
     from tests.bench.write_docs import older  # that module writes this page
 
-    tables = stored["tables"]
+    tables, like = _drawn(stored["tables"])
     lines = [
-        f"{len(tables)} tables, {sum(one['one'] for one in tables)} of them with one joint, of the prior of the paper's file "
-        f"({', '.join(sorted({str(one['runs']) for one in tables}))} runs of the sampler each; 95 % intervals of the counts, "
-        "parameters of one table as one draw).",
+        f"{len(tables)} tables, {sum(one['one'] for one in tables)} of them with one joint, of every law as many, of the prior "
+        f"of the paper's file ({', '.join(sorted({str(one['runs']) for one in tables}))} runs of the sampler each; 95 % "
+        "intervals of the counts, parameters of one table as one draw).",
+        *_table("95 % intervals, over all laws", "hold the truth", _held(tables)),
+        *_table("weight given to one joint", "tables that have one joint", _weights(tables)),
+        *_table("weight given to a law", "laws that are those of their table", _laws(tables)),
+        *_table(
+            "experiment, on one outcome of every table",
+            "the right one has 0.95 after it (predicted)",
+            _experiments(tables),
+        ),
+        *_of_possible(like),
         "",
-        "| 95 % intervals | hold the truth |",
-        "|---|---|",
-        *(f"| {' | '.join(cells)} |" for cells in _held(tables)),
-        "",
-        "| weight given to one joint | tables that have one joint |",
-        "|---|---|",
-        *(f"| {' | '.join(cells)} |" for cells in _weights(tables)),
-        "",
-        f"Measured {stored['date']} on {stored['machine']['processor']} ({stored['machine']['cores']} cores).",
+        f"Measured {stored['date']} on {stored['machine']['processor']} ({stored['machine']['cores']} cores), "
+        f"{np.mean([one['seconds'] for one in tables]):.0f} s of processor time for a table.",
     ]
     return "\n".join(lines) + older(("joint_law",))
+
+
+def _of_possible(like: list[dict[str, Any]]) -> list[str]:
+    if not like:
+        return []
+    left, right = "weight given to a law", "laws that are those of their table"
+    return [
+        "",
+        f"{len(like)} tables of joints that the paper's file leaves possible, under each law in turn:",
+        *_table(left, right, _laws(like)),
+        *_table("experiment", "the right one has 0.95 after it (predicted)", _experiments(like)),
+    ]
+
+
+def _table(left: str, right: str, rows: list[list[str]]) -> list[str]:
+    return ["", f"| {left} | {right} |", "|---|---|", *(f"| {' | '.join(cells)} |" for cells in rows)]
 
 
 def _held(tables: list[dict[str, Any]]) -> list[list[str]]:
@@ -66,20 +98,49 @@ def _share(parts: list[float]) -> str:
 
 def _weights(tables: list[dict[str, Any]]) -> list[list[str]]:
     weight = np.array([one["weight"] for one in tables])
-    has_one = np.array([one["one"] for one in tables])
+    return _binned(weight, np.array([one["one"] for one in tables]))
+
+
+def _laws(tables: list[dict[str, Any]]) -> list[list[str]]:
+    """Weights of all laws of all tables by bins, then those of laws that differ from the truth."""
+    cells = [(row, one) for one in tables for row in one["laws"].items()]
+    weight = np.array([row[1][0] for row, _ in cells])
+    rows = _binned(weight, np.array([row[0] == one["law"] for row, one in cells]))
+    differ = [row[1][0] < 1 - SURE for row, one in cells if row[0] != one["law"] and one["off"][row[0]] > OFF]
+    rows.append(
+        [f"below {1 - SURE:.2f}, of laws more than three standard deviations off", _part(sum(differ), len(differ))]
+    )
+    kept = [one["laws"][one["law"]][0] >= 1 - SURE for one in tables]
+    rows.append([f"{1 - SURE:.2f} or more, of the laws of the tables", _part(sum(kept), len(kept))])
+    return rows
+
+
+def _experiments(tables: list[dict[str, Any]]) -> list[list[str]]:
+    rows = []
+    for name in tables[0]["experiments"]:
+        made = [one["experiments"][name] for one in tables if name in one["experiments"]]
+        predicted, after = np.array(made).T
+        share = np.nanmean(predicted) if np.isfinite(predicted).any() else float("nan")
+        rows.append([name, f"{_part(int((after > SURE).sum()), len(made))} ({100 * share:.0f} %)"])
+    return rows
+
+
+def _part(right: int, count: int) -> str:
+    """A count with its 95 % interval (Clopper and Pearson 1934, Biometrika 26:404)."""
+    if not count:
+        return "none"
+    ends = beta.ppf([0.025, 0.975], [right or 1e-9, right + 1], [count - right + 1, count - right or 1e-9])
+    return f"{right} of {count} [{100 * ends[0]:.0f}, {100 * ends[1]:.0f} %]"
+
+
+def _binned(weight: np.ndarray, is_right: np.ndarray) -> list[list[str]]:
+    """How many hypotheses of about the same weight are right."""
     rows = []
     for low, high in pairwise(EDGES):
         there = (weight >= low) & ((weight < high) | (high == 1.0))
-        count, right = int(there.sum()), int(has_one[there].sum())
-        if count:
-            # Clopper and Pearson (1934), Biometrika 26:404
-            ends = beta.ppf([0.025, 0.975], [right or 1e-9, right + 1], [count - right + 1, count - right or 1e-9])
-            rows.append(
-                [
-                    f"{low:g} to {high:g}, {weight[there].mean():.2f} in the mean",
-                    f"{right} of {count} [{100 * ends[0]:.0f}, {100 * ends[1]:.0f} %]",
-                ]
-            )
+        if there.any():
+            count = _part(int(is_right[there].sum()), int(there.sum()))
+            rows.append([f"{low:g} to {high:g}, {weight[there].mean():.2f} in the mean", count])
     return rows
 
 
