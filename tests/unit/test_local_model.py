@@ -116,6 +116,7 @@ def test_a_force_that_does_not_act_in_a_block_is_left_out_there():
         assert np.all(found.weights[1 - force][:, :, force] == 0)
 
 
+@pytest.mark.slow
 def test_narrow_peaks_in_noise_are_not_made_wider():
     """One peak of five lines with exact FRFs in noise of a tenth of it: the damping that the FRFs tell by least squares.
 
