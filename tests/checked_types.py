@@ -24,21 +24,23 @@ original = jaxtyping.jaxtyped
 _beartyped = beartype(conf=BeartypeConf(is_pep484_tower=True))
 
 
-class Plain(typing.NamedTuple):
-    """A hint of an array whose axes are names, lengths or anything (``None``), and the types of values that it admits, as
-    far as they have been asked for."""
+class _Admitted(dict[np.dtype, bool]):
+    """Whether a type of values is among those of a hint, as jaxtyping has it, asked once for each."""
 
-    array: type
-    axes: tuple[str | int | None, ...]
-    admitted: dict[np.dtype, bool]
+    def __init__(self, hint: type) -> None:
+        self._within = hint.dtype[np.ndarray, "..."]
 
-
-_plain: dict[type, Plain | None] = {}
-_ABSTRACT = _array_types._MetaAbstractArray
+    def __missing__(self, kind: np.dtype) -> bool:
+        self[kind] = self._within.__instancecheck_str__(np.empty(0, kind)) == ""
+        return self[kind]
 
 
-def plain(hint: type) -> Plain | None:
-    """The hint where its axes are plain; ``None`` where jaxtyping has to look."""
+_memo = _storage._shape_storage
+"""Of every thread: a stack of what is known of the axes of the calls that run."""
+
+
+def _axes(hint: type) -> list[str | int | None] | None:
+    """Names and lengths of axes, ``None`` for any; ``None`` in place of all where jaxtyping has to look."""
     if hint._skip_instancecheck or hint.index_variadic is not None or not isinstance(hint.array_type, type):
         return None
     axes: list[str | int | None] = []
@@ -51,43 +53,58 @@ def plain(hint: type) -> Plain | None:
             axes.append(axis.name)
         else:
             return None
-    return Plain(hint.array_type, tuple(axes), {})
+    return axes
+
+
+def _judge(hint: type) -> Callable[[object], bool]:
+    """Whether a value is what a hint of an array says, beside what is known of the axes of the call."""
+    axes = _axes(hint)
+    if axes is None:
+        return lambda value: hint.__instancecheck_str__(value) == ""
+    array, count, admitted = hint.array_type, len(axes), _Admitted(hint)
+    fixed = [(place, axis) for place, axis in enumerate(axes) if isinstance(axis, int)]
+    named = [(place, axis) for place, axis in enumerate(axes) if isinstance(axis, str)]
+
+    def judged(value: object) -> bool:
+        if not isinstance(value, array) or not admitted[value.dtype]:
+            return False
+        shape = value.shape
+        if len(shape) != count:
+            return False
+        for place, length in fixed:
+            if shape[place] != length:
+                return False
+        if named:
+            stack = getattr(_memo, "memo_stack", None)
+            lengths = stack[-1][0] if stack else {}
+            before = len(lengths)
+            for place, name in named:
+                if lengths.setdefault(name, shape[place]) != shape[place]:
+                    while len(lengths) > before:  # a value that is refused leaves nothing behind
+                        lengths.popitem()
+                    return False
+        return True
+
+    return judged
+
+
+class _Judges(dict[type, Callable[[object], bool]]):
+    """The judge of each hint, made when it is first asked for."""
+
+    def __missing__(self, hint: type) -> Callable[[object], bool]:
+        self[hint] = _judge(hint)
+        return self[hint]
+
+
+_judges = _Judges()
 
 
 def fits(hint: type, value: object) -> bool:
     """Whether a value is what a hint of an array says, beside what is known of the axes of the call."""
-    try:
-        known = _plain[hint]
-    except KeyError:
-        known = _plain[hint] = plain(hint)
-    if known is None or _storage.get_treeflatten_memo():
-        return hint.__instancecheck_str__(value) == ""
-    if not isinstance(value, known.array):
-        return False
-    shape, axes = value.shape, known.axes
-    try:
-        admitted = known.admitted[value.dtype]
-    except KeyError:
-        within = hint.dtype[known.array, "..."]
-        admitted = known.admitted[value.dtype] = within.__instancecheck_str__(value) == ""
-    if not admitted or len(shape) != len(axes):
-        return False
-    stack = getattr(_storage._shape_storage, "memo_stack", None)
-    lengths = stack[-1][0] if stack else {}
-    new: dict[str, int] = {}
-    for axis, length in zip(axes, shape, strict=True):
-        if axis is None:
-            continue
-        stated = axis if isinstance(axis, int) else lengths.get(axis, new.get(axis))
-        if stated is None:
-            new[axis] = length
-        elif stated != length:
-            return False
-    lengths.update(new)
-    return True
+    return _judges[hint](value)
 
 
-_ABSTRACT.__instancecheck__ = fits
+_array_types._MetaAbstractArray.__instancecheck__ = fits
 
 
 class _Running(threading.local):
@@ -122,7 +139,7 @@ def checked(target):  # type: ignore[no-untyped-def]
 def _inner_function(target: types.FunctionType) -> Callable:
     """A function that another one defines whenever that is called: its check is that of a stand-in, which calls it."""
     hints, check = _made.get(target.__code__, (None, None))
-    if hints != target.__annotations__:
+    if hints is None or not _alike(tuple(hints.items()), tuple(target.__annotations__.items())):
 
         def stand_in(*args, **named):  # type: ignore[no-untyped-def]
             __tracebackhide__ = True
@@ -143,6 +160,19 @@ def _inner_function(target: types.FunctionType) -> Callable:
     return outer
 
 
+def _alike(one: object, other: object) -> bool:
+    """Whether two hints are one: those of arrays are classes made anew whenever an inner function is defined."""
+    if one is other:
+        return True
+    if isinstance(one, _array_types._MetaAbstractArray) and isinstance(other, _array_types._MetaAbstractArray):
+        return (one.dtype, one.array_type, one.dim_str) == (other.dtype, other.array_type, other.dim_str)
+    if isinstance(one, tuple | list) and isinstance(other, tuple | list):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if not typing.get_args(one) or typing.get_origin(one) is not typing.get_origin(other):
+        return bool(one == other)
+    return _alike(typing.get_args(one), typing.get_args(other))
+
+
 def _function(target: types.FunctionType, called: Callable) -> Callable:
     """A function that checks the hints of ``target`` and calls ``called``."""
     hints = {name: _resolved(hint, target.__globals__) for name, hint in target.__annotations__.items()}
@@ -157,11 +187,15 @@ def _function(target: types.FunctionType, called: Callable) -> Callable:
     @functools.wraps(target)
     def outer(*args, **named):  # type: ignore[no-untyped-def]
         __tracebackhide__ = True
-        _storage.push_shape_memo({})
+        try:
+            stack = _memo.memo_stack
+        except AttributeError:
+            stack = _memo.memo_stack = []
+        stack.append(({}, {}, {}, {}))
         try:
             return inner(*args, **named)
         finally:
-            _storage.pop_shape_memo()
+            stack.pop()
 
     return outer
 

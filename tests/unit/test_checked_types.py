@@ -1,6 +1,6 @@
 """The check of types and shapes in the test run: what it refuses is what ``jaxtyping.jaxtyped`` refuses."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -12,7 +12,7 @@ from jaxtyping import AnnotationError, Bool, Complex, Float, Inexact, Int, Shape
 from ema.data.frf import FrfSet
 from ema.data.stored_signals import StoredSignals
 from ema.synthesis import frfs as synthesised
-from tests.checked_types import checked, fits, original
+from tests.checked_types import _alike, _made, checked, fits, original
 
 
 def by_jaxtyping(target):
@@ -100,6 +100,39 @@ def test_inner_functions_are_each_their_own(check):
     assert triple(np.ones(1)).tolist() == [30.0]
     named = making(np.ones(1), "2", str)
     refused(named, TWO, factor=2.0)
+
+
+def test_the_check_of_an_inner_function_is_made_once():
+    """A hint of an array is another class whenever its function is defined: two of one text are one hint."""
+
+    def making(kind):
+        @checked
+        def scaled(values: Float[np.ndarray, "n"], factor: kind = 2) -> list[Float[np.ndarray, "n"]]:
+            return [factor * values]
+
+        return scaled
+
+    first = making(float)
+    (code,) = [one for one in _made if one.co_qualname.endswith("made_once.<locals>.making.<locals>.scaled")]
+    check = _made[code][1]
+    second = making(float)
+    assert _made[code][1] is check and first(TWO)[0].tolist() == second(TWO)[0].tolist()
+    refused(second, TWO, "2")
+    third = making(str)
+    assert _made[code][1] is not check
+    refused(third, TWO, 2)
+
+
+def test_hints_are_one_where_arrays_axes_and_all_about_them_are():
+    def hints(axes: str, kind: type) -> list[object]:
+        array = Float[np.ndarray, axes]
+        return [array, array | None, list[array], tuple[array, ...], Callable[[array, kind], array], dict[kind, array]]
+
+    for place, (one, other) in enumerate(zip(hints("n m", int), hints("n m", int), strict=True)):
+        assert _alike(one, other)
+        for rest in (*hints("n", int), *hints("n m", int)[:place], Complex[np.ndarray, "n m"], None, float):
+            assert not _alike(one, rest) and not _alike(rest, one)
+    assert not any(map(_alike, hints("n m", int)[4:], hints("n m", float)[4:]))
 
 
 def test_data_classes_and_methods(check):

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from ema import store
-from ema.cli import doctor
+from ema.cli import doctor, main
 from ema.cli.ending import ends_well
 from ema.errors import CancelledError, FailureError, InputError
 
@@ -30,6 +30,19 @@ def ema(*arguments, cwd=None, before="", **more):
     return subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, timeout=300, cwd=cwd, **more
     )
+
+
+@pytest.fixture
+def ema_within(monkeypatch, capsys):
+    """The command in this process, for what a shell sees of it alike: status, output, error stream."""
+
+    def called(*arguments):
+        monkeypatch.setattr(sys, "argv", ["ema", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return subprocess.CompletedProcess(arguments, ended.value.code, *capsys.readouterr())
+
+    return called
 
 
 @pytest.fixture(scope="module")
@@ -172,10 +185,11 @@ def test_doctor_tries_things_out_and_names_one_command():
         (["run", "bad.toml"], "bad.toml, line 1: unknown key 'kampagne'; did you mean campaign?"),
     ],
 )
-def test_bad_input_is_one_sentence_and_status_2(tmp_path, arguments, sentence):
+def test_bad_input_is_one_sentence_and_status_2(tmp_path, monkeypatch, ema_within, arguments, sentence):
     (tmp_path / "empty.uff").touch()
     (tmp_path / "bad.toml").write_text('kampagne = "x"')
-    ended = ema(*arguments, cwd=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    ended = ema_within(*arguments)
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert sentence in ended.stderr and ended.stderr.count("\n") == 1
@@ -185,10 +199,20 @@ def test_bad_input_is_one_sentence_and_status_2(tmp_path, arguments, sentence):
 @pytest.mark.parametrize(
     "arguments", [["run"], ["run", "a", "b"], ["fly"], ["run", "--fast"], ["fit", "x", "--order", "x"]]
 )
-def test_wrong_use_ends_with_status_2(arguments):
-    ended = ema(*arguments)
+def test_wrong_use_ends_with_status_2(ema_within, arguments):
+    ended = ema_within(*arguments)
     assert ended.returncode == 2
     assert "Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize("arguments", [["run", "nothing.toml"], ["fly"]])
+def test_a_shell_sees_the_same(tmp_path, monkeypatch, ema_within, arguments):
+    monkeypatch.chdir(tmp_path)
+    here, alone = ema_within(*arguments), ema(*arguments)
+    assert here.returncode == alone.returncode == 2
+    assert here.stdout == alone.stdout == ""
+    # the usage before it names the program, which is another one here
+    assert here.stderr.splitlines()[-1] == alone.stderr.splitlines()[-1]
 
 
 def test_version():

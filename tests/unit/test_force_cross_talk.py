@@ -1,6 +1,7 @@
 """Cross-talk of the excitation force into a normal-force channel, on beams on contact springs that vibrate."""
 
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +11,24 @@ import acquisition
 from acquisition.force_cross_talk import cross_talk_findings
 from ema import store
 from ema.data import Channel
-from tests.bench.cross_talk import DrawnTest
+from tests.bench.cross_talk import _POINTS, DrawnTest, Structure
 
 SEED = 7300041
 JOINTS = {"J1": "ring J1", "J2": "ring J2"}
 
 
+def points_of(number: int) -> int:
+    """Points of a test that is drawn, by the same random numbers and without its records."""
+    rng = np.random.default_rng([SEED, number])
+    Structure.draw(rng)
+    return int(rng.choice(_POINTS)) if number % 4 < 2 else 1
+
+
 def drawn(kind: str, points: int, share: float, count: int) -> list[DrawnTest]:
     numbers = {"hammer": range(0, 4000, 4), "random": range(2, 4000, 4), "sweep": range(3, 4000, 4)}[kind]
-    tests = (DrawnTest.draw(SEED, number, share) for number in numbers)
-    chosen: list[DrawnTest] = []
-    while len(chosen) < count:
-        test = next(tests)
-        chosen += [test] if test.points == points else []
+    of_size = (number for number in numbers if points_of(number) == points)
+    chosen = [DrawnTest.draw(SEED, number, share) for number in islice(of_size, count)]
+    assert [(test.kind, test.points) for test in chosen] == [(kind, points)] * count
     return chosen
 
 

@@ -1,5 +1,7 @@
 """The local model of a random test: values without bias, variances that are those of the errors, blocks together."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -29,16 +31,28 @@ def drawn(rng, bandwidth, noise, *, blocks=1):
     return function[:, None] * SHAPE, spectra
 
 
-def errors(bandwidth, noise, draws, **options):
-    """Values over the true ones at the peak, and squared errors over the stated variances at peak, flank and far off."""
+@cache
+def error(bandwidth, noise, blocks):
+    """One draw after the other: values over the true ones at the peak, and squared errors over the stated variances at
+    peak, flank and far off; the draws that were made are kept."""
     rng = np.random.default_rng(8)
-    at, over, squared = int(PEAK) - 1, [], []
-    for _ in range(draws):
-        true, spectra = drawn(rng, bandwidth, noise, **options)
-        found = local_model(spectra)
-        over.append(found.values[at, 0, 0] / true[at, 0])
-        there = [at, at + 2, at + 40]
-        squared.append(np.abs(found.values[there, :, 0] - true[there]) ** 2 / found.variance[there, :, 0])
+    at, made = int(PEAK) - 1, []
+
+    def of(draw):
+        while len(made) <= draw:
+            true, spectra = drawn(rng, bandwidth, noise, blocks=blocks)
+            found = local_model(spectra)
+            there = [at, at + 2, at + 40]
+            squared = np.abs(found.values[there, :, 0] - true[there]) ** 2 / found.variance[there, :, 0]
+            made.append((found.values[at, 0, 0] / true[at, 0], squared))
+        return made[draw]
+
+    return of
+
+
+def errors(bandwidth, noise, draws, *, blocks=1):
+    """What ``error`` gives of so many draws."""
+    over, squared = zip(*map(error(bandwidth, noise, blocks), range(draws)), strict=True)
     return np.array(over), np.array(squared)
 
 
@@ -102,6 +116,7 @@ def test_a_force_that_does_not_act_in_a_block_is_left_out_there():
         assert np.all(found.weights[1 - force][:, :, force] == 0)
 
 
+@pytest.mark.slow
 def test_narrow_peaks_in_noise_are_not_made_wider():
     """One peak of five lines with exact FRFs in noise of a tenth of it: the damping that the FRFs tell by least squares.
 

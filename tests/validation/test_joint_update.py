@@ -91,6 +91,7 @@ def update(exact, tmp_path_factory):
     return updated(chart, tmp_path_factory.mktemp("update"), (0.1, 8e7, 0.0), "--update", ",".join(FREE))
 
 
+@pytest.mark.slow
 def test_joint_parameters_from_a_map_with_noise(update):
     """Bounds of the reference study: mu 10 %, k_T 15 %, exponent 0.1 at 3 % noise."""
     mu, stiffness, exponent = update.values
@@ -104,6 +105,7 @@ def test_joint_parameters_from_a_map_with_noise(update):
     assert update.model.joints[0].law.reference_force == 1000.0
 
 
+@pytest.mark.slow
 def test_the_intervals_hold_the_truth_and_are_of_use(update):
     truth = np.array([0.3, 2e7, 0.4])
     std = (update.intervals[:, 1] - update.intervals[:, 0]) / 3.92
@@ -112,6 +114,7 @@ def test_the_intervals_hold_the_truth_and_are_of_use(update):
     assert np.all(update.intervals[:2, 1] / update.intervals[:2, 0] < 1.5)
 
 
+@pytest.mark.slow
 def test_with_levels_known_only_relative_to_each_other_mu_is_told_over_the_force_alone(tmp_path):
     chart = noisy(damping_map(model(), LEVELS, FORCES[::2], AT, OUT, BAND), np.random.default_rng(115))
     found = updated(chart, tmp_path, (0.2, 2e7, 0.4), "--update", "friction_coefficient", "--relative-levels")
@@ -122,6 +125,7 @@ def test_with_levels_known_only_relative_to_each_other_mu_is_told_over_the_force
     assert found.values[0] / found.values[1] == pytest.approx(0.3, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_updated_model_agrees_and_another_one_does_not(exact, update):
     chart = noisy(exact, np.random.default_rng(125))
     again = compare.measure(update.model, chart, AT, OUT, BAND)

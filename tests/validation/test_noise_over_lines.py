@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tests.bench import systems
 from tests.bench.cases import unit_noise
@@ -30,6 +31,7 @@ def with_correlated_noise(number):
     return replace(case, frfs=frfs), replace(case, noise_std=case.noise_std * np.sqrt(loss))
 
 
+@pytest.mark.slow
 def test_modes_are_found_and_intervals_hold_where_noise_correlates_over_lines():
     identifiable = missed = false = 0
     inside = []

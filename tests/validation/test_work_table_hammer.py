@@ -6,6 +6,7 @@ first; modes of a linear model of the FRFs are then 478.2 Hz and 971.1 Hz (5 kN)
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -119,16 +120,20 @@ def test_poles_that_slip_makes_of_one_resonance_are_named_as_its_parts():
     assert "one-resonance-in-parts" in [finding.code for finding in found.findings]
 
 
+@cache
+def struck(force, peak):
+    """Impacts of a peak force on eight points; simulated once for all tests."""
+    rig = work_table_hammer._rig("beam", force, peak, tuple(range(1, 79, 11)))
+    return Run("beam", Condition(rig.drive.excitation), tuple(rig.takes()))
+
+
 @pytest.mark.parametrize(("force", "near", "low", "high"), [(1000.0, 492.0, 0.3, 1.0), (5000.0, 507.0, 0.0, 0.05)])
 def test_half_the_impact_changes_the_damping_where_the_joint_slips_and_not_where_it_sticks(force, near, low, high):
     """One linear mode fitted to the FRFs of eight points, impacts of 1 and of 0.5 kN: at least 30 % at 1 kN, at most 5 %
     at 5 kN (and less at 10 kN, which sticks sooner)."""
-    points = tuple(range(1, 79, 11))
     damping = []
     for peak in (1000.0, 500.0):
-        rig = work_table_hammer._rig("beam", force, peak, points)
-        run = Run("beam", Condition(rig.drive.excitation), tuple(rig.takes()))
-        frfs, _ = estimate.hammer_test(run)
+        frfs, _ = estimate.hammer_test(struck(force, peak))
         damping.append(fit.local_fit(frfs.band(*BAND), near).damping_ratio)
     assert low <= abs(damping[1] / damping[0] - 1) <= high
 
@@ -138,10 +143,7 @@ def test_impacts_at_a_third_of_what_slips_are_linear_and_give_shapes_and_masses(
     """What the finding advises: the same test at a lower level, on eight points. The gate calls it linear, and together
     with impacts of 1 kN not; shapes agree with those of the sticking joint, and modal masses within 5 %."""
     points = tuple(range(1, 79, 11))
-    light, hard = (
-        Run("beam", Condition(rig.drive.excitation), tuple(rig.takes()))
-        for rig in (work_table_hammer._rig("beam", force, level, points) for level in (peak, 1000.0))
-    )
+    light, hard = struck(force, peak), struck(force, 1000.0)
     assert linearity(light, BAND).verdict == "linear"
     assert linearity(replace(light, recordings=(*light.recordings, *hard.recordings)), BAND).verdict == "not linear"
     frfs, _ = estimate.hammer_test(light)
