@@ -114,6 +114,8 @@ def _level_text(run: RunResult) -> str:
         return "; " + text(
             "a resonance peak leans, as where frequency or damping depends on the amplitude: repeat at half the level"
         )
+    if "linearity-doubtful" in codes:
+        return "; " + text("it is probably not linear at this level of impacts: repeat at half the level")
     if "linearity-not-testable" in codes:
         return "; " + text("whether it is linear is not testable: repeat at half the level")
     if "level-tested" not in codes:

@@ -5,6 +5,7 @@ where they are. The truth is the share of the work of the impacts that the simul
 a linear loss of the joint is not in it. The gate sees nothing but the records.
 
     python -m tests.bench.linearity --n 400 --seed 1
+    python -m tests.bench.linearity --n 40 --misplaced 0.1    # linear ones, whose impacts miss their points
 """
 
 import argparse
@@ -226,6 +227,41 @@ def linear_table(rng: np.random.Generator, kind: str) -> Drawn:
     return Drawn(f"linear, {kind}", run, _band(frequencies), 0.0)
 
 
+def misplaced_table(rng: np.random.Generator, error: float) -> Drawn:
+    """A linear table, no impact on which is where it should be: shapes differ by ``error`` times their rms value.
+
+    Half of the tables have three modes above the band, which every impact excites as its place has it.
+    """
+    frequencies, shapes = structure(rng)
+    count, band = len(frequencies), _band(frequencies)
+    contact, size = _contact(frequencies), float(np.sqrt(np.mean(shapes**2)))
+    if rng.random() < 0.5:
+        frequencies = np.append(frequencies, np.sort(frequencies[-1] * rng.uniform(1.3, 2.2, 3)))
+        shapes = np.column_stack([shapes, size * rng.normal(size=(count, 3))])
+    damping = np.exp(rng.uniform(np.log(0.003), np.log(0.015), len(frequencies)))
+    poles = poles_from(frequencies, damping)
+    nodes = np.repeat(np.arange(count), HITS)
+    struck = shapes[nodes] + error * size * rng.normal(size=(len(nodes), len(frequencies)))
+    places = tuple(Dof(1000 + row, "+X") for row in range(len(nodes)))
+    dofs = (*(Dof(node + 1, "+X") for node in range(count)), *places)
+    everywhere = np.vstack([shapes, struck])
+    model = ModalModel(
+        poles, everywhere.astype(complex), dofs, everywhere / (2j * poles.imag), dofs, scaling="unit modal mass"
+    )
+    drive = RovingHammer(places, 1, PEAK, SCATTER, contact, 0.05, 0.05, SPACING, 0.002)
+    run = _measured(
+        rng, VirtualRig(model, drive, _sensors(rng, count), RATE, seed=int(rng.integers(2**31))), len(nodes)
+    )
+    records = tuple(_said_to_be_at(record, int(node) + 1) for record, node in zip(run.recordings, nodes, strict=True))
+    return Drawn("linear, misplaced", replace(run, recordings=records), band, 0.0)
+
+
+def _said_to_be_at(record: Recording, node: int) -> Recording:
+    """The record with the impact on ``node``."""
+    channels = (replace(record.channels[0], dof=Dof(node, "+X")), *record.channels[1:])
+    return replace(record, channels=channels)
+
+
 def _windowed(rng: np.random.Generator, record: Recording) -> Recording:
     """The force of a record behind the window of a front end that closes within the contacts."""
     signals = record.signals.copy()
@@ -272,10 +308,11 @@ def summary(outcomes: list[Outcome]) -> str:
             name = list(classes)[int(np.searchsorted(SHARES, one.share, side="right")) - 1]
             classes[name].append(one)
     classes |= {f"linear, {kind}": [one for one in outcomes if one.kind == f"linear, {kind}"] for kind in LINEAR}
-    lines = [f"{'':32s}{'tables':>8s}{'named':>8s}{'not testable':>14s}"]
+    lines = [f"{'':32s}{'tables':>8s}{'named':>8s}{'suspect':>9s}{'not testable':>14s}"]
     for name, members in {**classes, "all": outcomes}.items():
-        counts = [sum(one.verdict == verdict for one in members) for verdict in ("not linear", "not testable")]
-        lines.append(f"{name:32s}{len(members):8d}{counts[0]:8d}{counts[1]:14d}")
+        verdicts = ("not linear", "suspect", "not testable")
+        counts = [sum(one.verdict == verdict for one in members) for verdict in verdicts]
+        lines.append(f"{name:32s}{len(members):8d}{counts[0]:8d}{counts[1]:9d}{counts[2]:14d}")
     return "\n".join(lines)
 
 
@@ -284,10 +321,15 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=60, help="tables to draw")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first table, to go on where a run ended")
+    parser.add_argument("--misplaced", type=float, help="linear tables alone, whose impacts miss their points by this")
     given = parser.parse_args()
     outcomes = []
     for number in range(given.first, given.first + given.n):
-        outcomes.append(outcome(drawn(given.seed, number)))
+        if given.misplaced is None:
+            table = drawn(given.seed, number)
+        else:
+            table = misplaced_table(np.random.default_rng([given.seed, number]), given.misplaced)
+        outcomes.append(outcome(table))
         one = outcomes[-1]
         print(f"{number:4d}  {one.kind:28s} {one.share:8.2%}  {one.verdict}", flush=True)
     print(summary(outcomes))
