@@ -10,6 +10,7 @@ from pathlib import Path
 
 import acquisition
 from ema.messages import kinds
+from tests.unit.written_sentences import alternatives, assigned, enclosing, findings, skeleton
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ("findings.md", "formats.md", "tutorials.md")
@@ -36,11 +37,21 @@ def _words(node: ast.expr | None) -> str:
     return ""
 
 
-def _alternatives(node: ast.expr | None) -> list[str]:
-    """The texts an expression may be: both of a choice."""
-    if isinstance(node, ast.IfExp):
-        return [*_alternatives(node.body), *_alternatives(node.orelse)]
-    return [_words(node)]
+def _texts(node: ast.expr | None, call: ast.Call) -> list[str]:
+    """What an argument of a finding may say, three dots for what is filled in; none where that is not written there."""
+    scope = enclosing()[call]
+    if isinstance(node, ast.Name) and sum(_uses(other, node.id) for other in ast.walk(scope)) > 1:
+        # a variable that serves several findings has for each what it was set to last
+        before = [value for value in assigned(node.id, scope) or () if value.lineno <= call.lineno]
+        node = max(before, key=lambda value: value.lineno, default=None)
+    return [skeleton(text).replace("{}", "…") for text in alternatives(node, scope) or ()]
+
+
+def _uses(node: ast.AST, name: str) -> bool:
+    """Whether a node is the statement of a finding with a variable of this name."""
+    return isinstance(node, ast.Call) and ast.unparse(node.func) in ("Finding", "Finding.of") and any(
+        isinstance(one, ast.Name) and one.id == name for one in (*node.args, *(each.value for each in node.keywords))
+    )
 
 
 def _stated() -> tuple[dict[str, set[str]], dict[str, list[str]]]:
@@ -48,20 +59,20 @@ def _stated() -> tuple[dict[str, set[str]], dict[str, list[str]]]:
     severities: dict[str, set[str]] = defaultdict(set)
     advice: dict[str, list[str]] = defaultdict(list)
     fields = ("severity", "code", "where", "message", "value", "limit", "advice")
-    for package in ("acquisition", "ema"):
-        for path in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if not (isinstance(node, ast.Call) and ast.unparse(node.func) in ("Finding", "Finding.of")):
-                    continue
-                given = dict(zip(fields, node.args)) | {keyword.arg: keyword.value for keyword in node.keywords}
-                code = _words(given.get("code"))
-                texts = [_words(part) for part in ast.walk(given["severity"]) if isinstance(part, ast.Constant)]
-                severities[code].update(text for text in texts if text in ("info", "warning", "error"))
-                for text in _alternatives(given.get("advice")):
-                    if ast.unparse(node.func) == "Finding.of":
-                        text = re.sub(r"\{\w+\}", "…", text)
-                    if text.strip("…") and text not in advice[code]:
-                        advice[code].append(text)
+    for _, call in findings():
+        # behind its message, Finding.of has numbers and no advice
+        places = fields if ast.unparse(call.func) == "Finding" else fields[:4]
+        given = dict(zip(places, call.args)) | {keyword.arg: keyword.value for keyword in call.keywords}
+        codes, texts = _texts(given.get("code"), call), _texts(given.get("advice"), call)
+        levels = [_words(part) for part in ast.walk(given["severity"]) if isinstance(part, ast.Constant)]
+        # a loop over codes has an advice for each, in the same order
+        looped = isinstance(given.get("advice"), ast.Name) and len(codes) == len(texts)
+        for row, code in enumerate(codes):
+            severities[code].update(level for level in levels if level in ("info", "warning", "error"))
+            for text in texts[row : row + 1] if looped and len(codes) > 1 else texts:
+                sentence = text if text.endswith((".", "?", "…")) else f"{text[:1].upper()}{text[1:]}."
+                if text.strip("…") and sentence not in advice[code]:
+                    advice[code].append(sentence)
     return severities, advice
 
 

@@ -9,6 +9,7 @@ from ema.app.views import numbers
 from ema.data.placement import Place, Placement, Prediction
 from ema.errors import InputError
 from ema.messages import text
+from ema.messages.recognition import in_words
 from ema.place.objective import Objective, of_rows, scores
 from ema.show.placement import score_unit, seen_edges
 
@@ -100,7 +101,7 @@ def _of_rank(place: Place) -> dict[str, Any]:
         "zeta": [numbers(100 * row, 4) for row in place.damping],
         "low": [numbers(100 * row, 4) for row in place.damping_low],
         "high": [numbers(100 * row, 4) for row in place.damping_high],
-        "flags": [str(finding.in_words()) for finding in place.findings],
+        "flags": [str(in_words(finding)) for finding in place.findings],
     }
 
 

@@ -12,6 +12,7 @@ from ema.app.state import Workbench
 from ema.errors import InputError
 from ema.fit import cmif
 from ema.messages import text, word
+from ema.messages.recognition import in_words
 from ema.show.frf import drive_points, peaks
 from ema.show.moving import moving_shapes
 from ema.show.style import frf_label
@@ -70,7 +71,7 @@ def overview(bench: Workbench) -> dict[str, Any]:
             )
         ],
         "findings": [
-            {"severity": word(each.severity), "text": str(each.in_words())}
+            {"severity": word(each.severity), "text": str(in_words(each))}
             for each in (*modes.findings, *run.findings)
             if each.severity != "info"
         ],

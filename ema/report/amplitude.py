@@ -8,6 +8,7 @@ import numpy as np
 from ema import show
 from ema.data import AmplitudeDependentMode, Finding
 from ema.messages import mark, text, word
+from ema.messages.recognition import in_words
 from ema.report.blocks import Block, Book, Cell, Table
 from ema.report.numbers import MISSING, fixed, plain
 from ema.units import SI_UNIT
@@ -45,7 +46,7 @@ def amplitude_sentences(modes: Sequence[AmplitudeDependentMode]) -> list[str]:
             for mode in stepped
         ),
         *(
-            text("Ring-downs of {mode}: {message}", mode=mode.name, message=one.in_words().message)
+            text("Ring-downs of {mode}: {message}", mode=mode.name, message=in_words(one).message)
             for mode, one in slipping
         ),
     ]
@@ -87,7 +88,7 @@ def _small(mode: AmplitudeDependentMode) -> Finding | None:
 
 
 def _said(mode: AmplitudeDependentMode, code: str) -> Finding | None:
-    return next((finding.in_words() for finding in mode.findings if finding.code == code), None)
+    return next((in_words(finding) for finding in mode.findings if finding.code == code), None)
 
 
 def _caption(modes: Sequence[AmplitudeDependentMode]) -> str:
@@ -140,7 +141,7 @@ def _limits(modes: Sequence[AmplitudeDependentMode], book: Book) -> Table:
                 "" if behind is None else _at(mode, behind),
                 "" if linear is None else linear.message,
                 plain(mode.modal_mass, 4) if mass is None else mass.message,
-                " ".join(one.in_words().message for one in mode.findings if one.code.startswith("stated-")),
+                " ".join(in_words(one).message for one in mode.findings if one.code.startswith("stated-")),
             )
         )
     columns = (

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from ema.data import Finding, StudyResult
 from ema.messages import SOURCE, kinds, language, mark, plural, text, word
+from ema.messages.recognition import in_words
 from ema.report.blocks import Book, Table
 from ema.report.numbers import plain
 
@@ -54,7 +55,7 @@ def grouped(findings: list[Finding]) -> list[Group]:
     """By severity and kind, the gravest first and the most frequent first among equals."""
     groups: dict[tuple[str, str], Group] = {}
     for finding in findings:
-        said = finding.in_words()
+        said = in_words(finding)
         group = groups.setdefault((finding.severity, finding.code), Group(finding.severity, finding.code, said.advice))
         group.findings.append(said)
         group.in_english |= language() != SOURCE and said.message == finding.message

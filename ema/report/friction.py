@@ -10,6 +10,7 @@ from ema import show
 from ema.data import Decay, JointForce, Loop, Run
 from ema.estimate import Phase, phases
 from ema.messages import mark, plural, text, word
+from ema.messages.recognition import in_words
 from ema.report.blocks import Block, Book, Cell
 from ema.report.modes import joint_force
 from ema.report.numbers import MISSING, fixed, plain, short, with_uncertainty
@@ -49,7 +50,7 @@ def _sentence(decay: Decay, number: int) -> str:
         for phase in phases(decay)
     ]
     doubts = "".join(
-        " " + text("Not one mode: {message}", message=finding.in_words().message)
+        " " + text("Not one mode: {message}", message=in_words(finding).message)
         for finding in decay.findings
         if finding.severity != "info"
     )

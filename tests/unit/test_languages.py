@@ -24,102 +24,51 @@ from ema.data.condition import ExcitationKind, LoadingSequence
 from ema.data.findings import Finding
 from ema.data.results import Verdict
 from ema.errors import InputError
+from ema.estimate import NonlinearDistortion
+from ema.estimate.detection_lines import distortion_finding
 from ema.messages import entries, kinds, language, languages, mark, plural, preferred, speaking, text, word
+from ema.messages.recognition import LEAST_WORDS, in_words, recognised
 from ema.place.budget import HARMONICS, REST
 from ema.report.modes import _in_words
 from ema.study import recipe
 from ema.study.recipe import Quantity
 from tests.unit.report_corpus import results
 from tests.unit.report_page import Page, blank
+from tests.unit.written_sentences import (
+    alternatives,
+    arguments,
+    enclosing,
+    findings,
+    sentences,
+    skeleton,
+    written_calls,
+)
 
 OTHERS = [name for name in languages() if name != "en"]
 FUNCTIONS = {"text": 1, "mark": 1, "plural": 2}
 NUMBER = r"(?<![A-Za-z_])[-+±]?\d+(?:\.\d+)?"
 ROOT = Path(__file__).parents[2]
 IN_ENGLISH: dict[str, int] = {
-    "acquisition/files/arrays.py": 2,
-    "acquisition/files/finite_elements/rst.py": 1,
-    "acquisition/files/hdf5.py": 2,
-    "acquisition/files/lvm.py": 2,
-    "acquisition/files/mdf4.py": 2,
-    "acquisition/files/points.py": 3,
-    "acquisition/files/polar.py": 2,
-    "acquisition/files/ratios.py": 3,
-    "acquisition/files/reconcile.py": 1,
-    "acquisition/files/sampled.py": 1,
-    "acquisition/files/sanity.py": 3,
-    "acquisition/files/shapes.py": 1,
-    "acquisition/files/signals.py": 5,
-    "acquisition/files/table/blocks.py": 1,
-    "acquisition/files/table/damage.py": 2,
-    "acquisition/files/table/reading.py": 2,
-    "acquisition/files/tdms.py": 4,
-    "acquisition/files/uff/functions.py": 9,
-    "acquisition/files/uff/geometry_sets.py": 2,
-    "acquisition/files/uff/mode_sets.py": 4,
-    "acquisition/files/uff/reading.py": 4,
-    "acquisition/files/wav.py": 3,
-    "acquisition/files/xlsx.py": 4,
-    "acquisition/folder.py": 1,
-    "acquisition/registry.py": 1,
-    "acquisition/setups.py": 1,
-    "ema/archive/adding.py": 2,
+    "acquisition/files/signals.py": 1,
+    "acquisition/files/uff/functions.py": 2,
+    "acquisition/files/uff/mode_sets.py": 1,
+    "acquisition/files/uff/reading.py": 2,
+    "ema/archive/adding.py": 1,
     "ema/archive/cache.py": 1,
-    "ema/archive/finding.py": 5,
-    "ema/archive/record.py": 1,
-    "ema/cli/level_control.py": 2,
-    "ema/cli/simulations.py": 1,
-    "ema/compare/amplitude_prediction.py": 3,
-    "ema/compare/amplitude_resolved.py": 3,
-    "ema/compare/fitting.py": 4,
-    "ema/compare/linearity.py": 2,
-    "ema/compare/map_prediction.py": 1,
-    "ema/compare/scatter.py": 2,
-    "ema/estimate/amplitude_mode.py": 1,
-    "ema/estimate/clipping.py": 2,
-    "ema/estimate/detection_lines.py": 3,
-    "ema/estimate/drift.py": 1,
-    "ema/estimate/frf_checks.py": 2,
-    "ema/estimate/gain_changes.py": 1,
-    "ema/estimate/hammer_findings.py": 1,
-    "ema/estimate/live.py": 1,
-    "ema/estimate/nonlinearity.py": 2,
-    "ema/estimate/record_agreement.py": 1,
-    "ema/fit/full_set.py": 1,
-    "ema/fit/opinion.py": 1,
-    "ema/fit/peaks.py": 1,
-    "ema/fit/set_up_shifts.py": 2,
-    "ema/place/conditioning.py": 1,
-    "ema/place/flags.py": 1,
-    "ema/place/shortlist.py": 1,
-    "ema/proposal/positions.py": 3,
-    "ema/proposal/proposal.py": 1,
-    "ema/shapes/alignment.py": 1,
-    "ema/shapes/continuation.py": 1,
-    "ema/simulate/branches.py": 2,
-    "ema/simulate/contact.py": 1,
-    "ema/simulate/harmonic_joined.py": 1,
-    "ema/simulate/hysteresis.py": 5,
-    "ema/simulate/identification.py": 4,
-    "ema/simulate/joined.py": 2,
-    "ema/simulate/modal_host.py": 2,
-    "ema/simulate/nonlinear_modes.py": 3,
     "ema/simulate/steady_states.py": 1,
-    "ema/simulate/structure.py": 1,
-    "ema/simulate/transient.py": 3,
-    "ema/study/friction.py": 2,
     "ema/study/mapping.py": 2,
-    "ema/tables/former.py": 1,
 }
-"""Findings of each file that reach every reader in English, as they are put together there; a new one is written out."""
+"""Findings of each file of which a reader of another language gets a part in English, or all: the words that another
+program, an error or a list adds are not written where the finding is stated."""
 
-
-@cache
-def written_calls() -> dict[Path, list[ast.Call]]:
-    """All calls in the sources of both packages, read once."""
-    paths = (path for package in ("ema", "acquisition") for path in sorted((ROOT / package).rglob("*.py")))
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in paths}
-    return {path: [node for node in ast.walk(tree) if isinstance(node, ast.Call)] for path, tree in trees.items()}
+IMPOSSIBLE = {
+    "{} explains the damping over the amplitude and not the damping.",
+    "{} explains the frequency over the amplitude and not the frequency.",
+    "{} all FRFs are {} times as large as a resonance makes them: the channel changed the gain.",
+    "{} the FRFs of channel {} are {} times as large as a resonance makes them: the force, channel {}, or all responses "
+    "changed the gain.",
+}
+"""Combinations of words that never occur: both words follow from one condition."""
 
 
 def calls() -> Iterator[tuple[str, ast.Call]]:
@@ -131,36 +80,25 @@ def calls() -> Iterator[tuple[str, ast.Call]]:
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", node
 
 
-def findings() -> Iterator[tuple[str, ast.Call]]:
-    """Calls that state a finding."""
-    for path, nodes in written_calls().items():
-        for node in nodes:
-            if ast.unparse(node.func) in ("Finding", "Finding.of"):
-                yield path.relative_to(ROOT).as_posix(), node
+@cache
+def in_the_list() -> dict[str, re.Pattern[str]]:
+    """Messages of the list, each with a pattern in which every placeholder is one word or is filled in later."""
+    given = [one[0] for one in entries(OTHERS[0]) if len(one) == 1]
+    return {one: re.compile(r"\S+".join(map(re.escape, skeleton(one).split("{}")))) for one in given}
 
 
-def alternatives(node: ast.expr | None) -> list[str] | None:
-    """The sentences that an argument may be, written out; ``None`` for one that is put together."""
-    if node is None:
-        return [""]
-    if isinstance(node, ast.IfExp):
-        either, other = alternatives(node.body), alternatives(node.orelse)
-        return None if either is None or other is None else either + other
-    return [node.value] if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
-
-
-def sentences(call: ast.Call) -> list[str] | None:
-    """Messages and advice of a finding; ``None`` where they are put together, and reach every reader in English."""
-    named = {keyword.arg: keyword.value for keyword in call.keywords}
-    place = 6 if ast.unparse(call.func) == "Finding" else 99
-    given = (
-        named.get("message") or (call.args[3] if len(call.args) > 3 else None),
-        named.get("advice") or (call.args[place] if len(call.args) > place else None),
-    )
-    if ast.unparse(call.func) == "Finding.of" and all(isinstance(one, ast.Name) for one in given):
-        return []  # sentences of a table, each of which is marked
-    parts = [alternatives(one) for one in given]
-    return None if None in parts else [one for part in parts for one in part or () if one]
+@cache
+def listed_as(sentence: str) -> frozenset[str]:
+    """Entries that translate a sentence: as it is, or several that write out the words of its placeholders."""
+    bare, every = skeleton(sentence), in_the_list()
+    if found := [one for one in every if skeleton(one) == bare]:
+        return frozenset(found)
+    if len(re.findall(r"[A-Za-z]{2,}", bare)) < LEAST_WORDS:
+        return frozenset()
+    if found := [one for one, pattern in every.items() if "{" in one and pattern.fullmatch(bare)]:
+        return frozenset(found)
+    wide = re.compile(".+".join(map(re.escape, bare.split("{}"))))
+    return frozenset(one for one in every if "{}" in bare and wide.fullmatch(one))
 
 
 def written_out(call: ast.Call) -> list[Any]:
@@ -180,10 +118,13 @@ def messages() -> frozenset[tuple[str, ...]]:
         found |= {(one,) for one in marked(path.read_text(encoding="utf-8"))}
     for path in sorted((ROOT / "ema/app/page").glob("*.js")):
         found |= {(one,) for one in said(path.read_text(encoding="utf-8"))}
-    known = set(entries("de"))
     for path, call in findings():
-        written = {(one,) for one in sentences(call) or ()}
-        found |= written & known if path in IN_ENGLISH else written
+        if path == "ema/data/findings.py":
+            continue
+        if ast.unparse(call.func) == "Finding.of" and path not in IN_ENGLISH:
+            found |= {(one,) for one in sentences(call) or ()}
+        every = [one for argument in arguments(call) for one in alternatives(argument, enclosing()[call]) or () if one]
+        found |= {(entry,) for one in every for entry in listed_as(one)}
     return frozenset(found | {(kind.meaning,) for kind in kinds().values()})
 
 
@@ -211,12 +152,68 @@ def test_no_sentence_is_missing_and_none_is_left_over(name: str) -> None:
 
 
 def test_findings_that_stay_english_become_fewer() -> None:
-    known, counted = set(entries("de")), Counter[str]()
+    counted = Counter[str]()
     for path, call in findings():
         said = sentences(call)
-        if path != "ema/data/findings.py" and (said is None or {(one,) for one in said} - known):
+        if path != "ema/data/findings.py" and (said is None or not all(map(listed_as, set(said) - IMPOSSIBLE))):
             counted[path] += 1
     assert dict(counted) == IN_ENGLISH
+
+
+def test_a_finding_without_a_translation_is_noticed() -> None:
+    """Whether its sentence is written at once, chosen, or put together from variables."""
+    source = """
+def check(name, share, where):
+    what = "one impact" if share < 2 else f"{share} impacts"
+    for side, advice in (("left", "Turn it."), ("right", "Lower the trigger.")):
+        text = f"the hammer of {name} bounced on the {side} after {what}."
+        Finding("warning", "bounce", where, text, share, 0.0, advice)
+"""
+    (scope,) = ast.parse(source).body
+    (call,) = [node for node in ast.walk(scope) if isinstance(node, ast.Call)]
+    said = [one for argument in arguments(call) for one in alternatives(argument, scope) or ()]
+    assert set(said) == {
+        "the hammer of {} bounced on the left after one impact.",
+        "the hammer of {} bounced on the left after {} impacts.",
+        "the hammer of {} bounced on the right after one impact.",
+        "the hammer of {} bounced on the right after {} impacts.",
+        "Turn it.",
+        "Lower the trigger.",
+    }
+    assert not any(map(listed_as, said))
+    assert listed_as("the joint has {} m of play.") == {"the joint has {play} m of play."}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_sentence_with_its_numbers_is_recognised_as_the_one_it_is(name: str) -> None:
+    """Every sentence of the list, with values of one and of several words: none is taken for another."""
+    for given, own in entries(name).items():
+        fields = list(dict.fromkeys(placeholders(given[0])))
+        words = re.findall(r"[A-Za-z]{2,}", re.sub(r"\{.*?\}", " ", given[0]))
+        if len(given) == 1 and fields and len(words) >= LEAST_WORDS:
+            for value in ("12.5-{}", "x {}/y"):
+                values = {field: value.format(number) for number, field in enumerate(fields)}
+                with speaking(name):
+                    assert recognised(given[0].format(**values)) == own[0].format(**values)
+                assert recognised(given[0].format(**values)) == given[0].format(**values)
+
+
+def test_findings_of_the_computation_are_said_in_the_language_of_their_reader() -> None:
+    """As they are made: with numbers, with several sentences of one kind, and one that the list does not have."""
+    distorted = distortion_finding(NonlinearDistortion(0.05, 0.02, 0.001, 0.001), "run a")
+    open_loop = Finding("info", "run-down", "loop 1", "the motion has full amplitude only until 2.50 s.", 2.5, 9.0, "?")
+    with speaking("de"):
+        said = in_words(distorted)
+        assert said.message == (
+            "wo die Anregung Linien auslässt, antwortet die Struktur mit 5 % an ungeraden Linien und 2 % an geraden "
+            "Linien, bezogen auf die Antwort daneben: sie ist bei dieser Stufe nicht linear."
+        )
+        assert said.advice.startswith("Die FRF gelten nur für diese Stufe") and said.value == distorted.value
+        assert in_words(open_loop).message == "die Bewegung hat nur bis 2.50 s die volle Amplitude."
+        assert in_words(open_loop).advice == "?"
+        unknown = replace(open_loop, message="a sentence that no list has, with 3 words more.")
+        assert in_words(unknown) == unknown
+    assert in_words(distorted) == distorted
 
 
 def test_values_of_sentences_are_those_of_their_placeholders() -> None:

@@ -101,3 +101,17 @@ def test_the_command_explains_a_code_and_names_the_nearest() -> None:
     assert wrong.exit_code == 2 and "double-hit" in wrong.output
     everything = runner.invoke(app, ["explain", "--json"])
     assert everything.exit_code == 0 and '"code": "overload"' in everything.output
+
+
+def test_the_page_gives_each_code_the_severity_and_the_advice_that_it_is_stated_with(root: Path) -> None:
+    """Codes chosen in a loop or beside others: read from the sources by hand."""
+    page = (root / "docs" / "findings.md").read_text(encoding="utf-8")
+    table = [line.removesuffix(" |").split(" | ") for line in page.splitlines() if line.startswith("| `")]
+    rows = {code.strip("|` "): (severity, advice) for code, severity, _, advice in table}
+    assert set(rows) == set(kinds())
+    assert rows["dead-channel"] == ("error", "Check sensor and cable.")
+    assert rows["not-a-number"] == ("error", "It was not measured, or its record is damaged.")
+    assert rows["campaign-changed"][1] == "Add it again: `ema archive add` with the archive alone does so for all."
+    assert rows["joint-parts"] == ("warning", "Such conditions count as unsuitable; press more, or excite less.")
+    unstated = [code for code, (severity, _) in rows.items() if severity == "as it is chosen"]
+    assert len(unstated) <= 12, "a code whose severity the page cannot read: state it where the finding is made"
