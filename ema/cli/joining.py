@@ -100,9 +100,31 @@ def _document(result: "JointResult") -> dict[str, Any]:
             {"name": one.name, "one": list(one.one), "two": list(one.two), "separates": one.separates}
             for one in result.experiments
         ],
+        "laws": [
+            {"name": one.name, "weight": one.weight, "low": one.low, "high": one.high, "verdict": one.verdict}
+            for one in result.laws
+        ],
+        "law_experiments": [
+            {
+                "name": one.name,
+                "outcomes": dict(zip(one.laws, map(list, one.outcomes), strict=True)),
+                "separates": one.separates,
+            }
+            for one in result.law_experiments
+        ],
+        "lift_off": _limit(result),
         "sentence": " ".join(answers(result)),
         "findings": [finding(one) for one in result.findings],
     }
+
+
+def _limit(result: "JointResult") -> dict[str, Any] | None:
+    known = result.lift_off
+    if known is None:
+        return None
+    ends = {"force": known.force, "lowest": known.lowest, "limit": known.limit}
+    listed = {name: [None if end != end else end for end in values] for name, values in ends.items()}
+    return listed | {"reached": known.reached}
 
 
 def _print(document: dict[str, Any]) -> None:

@@ -15,6 +15,8 @@ from ema.show.joint_result import (
     HammerPrediction,
     JointExperiment,
     JointHypothesis,
+    JointLawExperiment,
+    JointLimit,
     JointParameter,
     JointResult,
     JointStatement,
@@ -71,12 +73,23 @@ def joint_result(file: JointFile, found: JointAssessment, path: str | Path | Non
         parameters=_parameters(found),
         statements=_statements(found),
         weight=weight,
-        laws=tuple(JointHypothesis(*law) for law in getattr(found, "laws", ())),
+        laws=tuple(JointHypothesis(law.name, law.weight, law.low, law.high) for law in found.laws),
+        law_experiments=tuple(
+            JointLawExperiment(one.name, tuple(one.outcomes), tuple(one.outcomes.values()), one.separates)
+            for one in found.law_experiments
+            if len(one.outcomes) > 1
+        ),
+        lift_off=_limit(found),
         experiments=tuple(JointExperiment(one.name, one.one, one.two, one.separates) for one in found.experiments),
         hammer=_hammer(file, found) if file.hammer else None,
         findings=tuple(_findings(found)),
         provenance=_provenance(found, path, seed),
     )
+
+
+def _limit(found: JointAssessment) -> JointLimit | None:
+    known = found.lift_off
+    return None if known is None else JointLimit(known.force, known.lowest, known.limit, known.reached)
 
 
 def _findings(found: JointAssessment) -> Iterator[Finding]:

@@ -14,7 +14,7 @@ from ema.report.findings import counted, finding_table, grouped, language_note
 from ema.report.numbers import MISSING, Value, fixed, plain, rounded
 from ema.report.records import provenance_blocks
 from ema.show import joint_words
-from ema.show.joint_result import JointHypothesis, JointParameter, JointResult, JointStatement
+from ema.show.joint_result import JointHypothesis, JointLimit, JointParameter, JointResult, JointStatement
 
 _VERDICTS = (mark("holds"), mark("does not hold together with the others"), mark("not known"))
 _EXPERIMENTS = (
@@ -23,7 +23,12 @@ _EXPERIMENTS = (
     mark("hammer, 1 kN, half the impact: damping [%]"),
     mark("peak force of the impacts: ln of N"),
 )
+_LAW_EXPERIMENTS = (
+    mark("hysteresis loops with slips of F_C/k_T and twice that: energy of the first over that of the second"),
+    mark("hammer, 1 kN, a tenth of the impact: damping [%]"),
+)
 _HYPOTHESES = (mark("one joint"), mark("two joints"))
+_APART = (mark("excluded"), mark("the others are excluded"), mark("cannot be told apart"))
 """Words of data."""
 
 
@@ -45,7 +50,7 @@ def joint_document(result: JointResult, book: Book) -> Document:
     sections = [
         Section(text("Statements, and what all others predict"), "statements", _statements(result, book)),
         Section(text("Parameters"), "parameters", _parameters(result, book)),
-        Section(text("One joint or two"), "one-or-two", _hypotheses(result, book)),
+        Section(text("Hypotheses, and what would decide"), "hypotheses", _hypotheses(result, book)),
         Section(text("What the model assumes"), "assumptions", [Text(line) for line in _assumptions()]),
     ]
     groups = grouped(list(result.findings))
@@ -92,7 +97,15 @@ def answers(result: JointResult) -> list[str]:
     >>> print(answers(example())[0])
     Determined (95 % interval at most half as wide as before): stiffness ratio at 1 kN, hammer 0.083 to 0.35.
     """
-    return [_determined(result), *_one_or_two(result), *_contradictions(result), *_decisive(result), text(WITHIN)]
+    return [
+        _determined(result),
+        *_laws(result),
+        *_one_or_two(result),
+        *_contradictions(result),
+        *_limit(result),
+        *_decisive(result),
+        text(WITHIN),
+    ]
 
 
 WITHIN = mark(
@@ -111,6 +124,37 @@ def _determined(result: JointResult) -> str:
         "Determined (95 % interval at most half as wide as before): {parameters}.",
         parameters="; ".join(f"{one.name} {one.interval(ends)}" for one, ends in shown),
     )
+
+
+def _laws(result: JointResult) -> list[str]:
+    """Which friction laws explain the statements."""
+    if len(result.laws) < 2:
+        return []
+    left = [one for one in result.laws if one.verdict != "excluded"]
+    out = [one.name for one in result.laws if one.verdict == "excluded"]
+    if len(left) == 1:
+        sentence = text("Of the friction laws compared, the statements leave that of {law}.", law=left[0].name)
+    else:
+        weights = [f"{one.name} {100 * one.weight:.0f} %" for one in left]
+        sentence = text("Friction laws that cannot be told apart, with their weights: {laws}.", laws=listed(weights))
+    excluded = text("Excluded (a weight below 5 %): {laws}.", laws=listed(out)) if out else ""
+    return [f"{sentence} {excluded}".rstrip()]
+
+
+def _limit(result: JointResult) -> list[str]:
+    """Where the frequency goes as the normal force goes to zero."""
+    if result.lift_off is None:
+        return []
+    return [
+        text(
+            "As the normal force goes to zero, the frequency comes to {low} to {high} Hz (95 %); that it reaches the "
+            "{bare} Hz without the beam has a probability of {probability}.",
+            low=f"{result.lift_off.limit[0]:.1f}",
+            high=f"{result.lift_off.limit[1]:.1f}",
+            bare=f"{result.bare[0]:g}",
+            probability=joint_words.probability(result.lift_off.reached),
+        )
+    ]
 
 
 def _one_or_two(result: JointResult) -> list[str]:
@@ -188,16 +232,27 @@ def _facts(result: JointResult, row: int) -> dict[str, object]:
 
 
 def _decisive(result: JointResult) -> list[str]:
-    if result.decided or not result.experiments:
-        return []
-    best = result.experiments[0]
-    return [
-        text(
-            "The next measurement to make: {name}. It decides between one joint and two in {share} % of cases.",
-            name=_measurement(best.name),
-            share=f"{100 * best.separates:.0f}",
+    sentences = []
+    if result.experiments and not result.decided:
+        best = result.experiments[0]
+        sentences.append(
+            text(
+                "The next measurement to make: {name}. It decides between one joint and two in {share} % of cases.",
+                name=_measurement(best.name),
+                share=f"{100 * best.separates:.0f}",
+            )
         )
-    ]
+    if result.law_experiments and any(one.verdict == "cannot be told apart" for one in result.laws):
+        law_test = result.law_experiments[0]
+        sentences.append(
+            text(
+                "To tell the laws {laws} apart: {name}. It decides in {share} % of cases.",
+                laws=listed(list(law_test.laws)),
+                name=_measurement(law_test.name),
+                share=f"{100 * law_test.separates:.0f}",
+            )
+        )
+    return sentences
 
 
 def _statements(result: JointResult, book: Book) -> list[Block]:
@@ -331,7 +386,31 @@ def _parameters(result: JointResult, book: Book) -> list[Block]:
             "own axis from end to end of the prior, logarithmic except where the prior is even."
         ),
     )
+    if result.lift_off is not None:
+        blocks.append(_limit_table(result, result.lift_off, book))
     return [*blocks, picture] if blocks else []
+
+
+def _limit_table(result: JointResult, known: JointLimit, book: Book) -> Table:
+    """What follows where the contact cannot pull."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, ends, digits, unit in (
+        (text("Normal force below which the beam leaves the structure, at the highest level"), known.force, 2, "N"),
+        (text("Frequency at the lowest normal force of the test, at its highest level"), known.lowest, 4, "Hz"),
+        (text("Frequency as the normal force goes to zero"), known.limit, 4, "Hz"),
+    ):
+        if np.isfinite(ends[0]):
+            rows.append((name, *(plain(end, digits) for end in ends), unit))
+    chance = Value(known.reached, joint_words.probability(known.reached))
+    rows += [
+        (text("Frequency without the beam"), f"{result.bare[0]:g}", MISSING, "Hz"),
+        (text("Probability that it is reached, within 0.2 %"), chance, MISSING, ""),
+    ]
+    caption = text(
+        "Low normal forces, 95 % intervals: a contact that cannot pull, and where the frequency goes. That it reaches "
+        "the frequency without the beam is a result and was not assumed."
+    )
+    return book.table("low_normal_forces", caption, (text("What"), text("from"), text("to"), text("Unit")), rows)
 
 
 def _columns() -> tuple[str, ...]:
@@ -367,7 +446,10 @@ def _hypotheses(result: JointResult, book: Book) -> list[Block]:
         two = JointHypothesis("two joints", 1 - one.weight, 1 - one.high, 1 - one.low)
         blocks.append(_weights(book, "joints", caption, [one, two]))
     if result.laws:
-        blocks.append(_weights(book, "laws", text("Weights of the friction laws."), result.laws))
+        caption = text("Weights of the friction laws, alike beforehand, over one joint and two.")
+        blocks.append(_weights(book, "laws", caption, result.laws))
+    if result.law_experiments:
+        blocks.append(_law_experiments(result, book))
     if result.experiments:
         rows: list[tuple[Cell, ...]] = [
             (
@@ -394,6 +476,33 @@ def _hypotheses(result: JointResult, book: Book) -> list[Block]:
     return blocks
 
 
+def _law_experiments(result: JointResult, book: Book) -> Table:
+    """What measurements would read by law; the laws side by side in one row for each measurement and law."""
+    rows: list[tuple[Cell, ...]] = [
+        (
+            _measurement(one.name),
+            law,
+            joint_words.Shown("").interval(ends),
+            text("{share} %", share=f"{100 * one.separates:.0f}"),
+            *(plain(x, 6) for x in (*ends, one.separates)),
+        )
+        for one in result.law_experiments
+        for law, ends in zip(one.laws, one.outcomes, strict=True)
+    ]
+    columns = (
+        text("Measurement"),
+        text("Law"),
+        text("Reads (95 %)"),
+        text("Decides in"),
+        *(text("from"), text("to"), text("share")),
+    )
+    caption = text(
+        "Measurements that could tell the laws apart: what they would read by the laws that explain the statements, "
+        "and the share of outcomes after which the right law has a weight of 0.95 or more."
+    )
+    return book.table("law_experiments", caption, columns, rows, shown=4)
+
+
 def _measurement(name: str) -> str:
     """What is measured, and in brackets what is read of it."""
     head, _, reading = word(name).partition(": ")
@@ -402,24 +511,39 @@ def _measurement(name: str) -> str:
 
 def _weights(book: Book, name: str, caption: str, hypotheses: Sequence[JointHypothesis]) -> Table:
     rows: list[tuple[Cell, ...]] = [
-        (word(one.name), *(Value(x, f"{100 * x:.0f} %") for x in (one.weight, one.low, one.high))) for one in hypotheses
+        (
+            word(one.name),
+            *(Value(x, f"{100 * x:.0f} %") for x in (one.weight, one.low, one.high)),
+            word(one.verdict),
+        )
+        for one in hypotheses
     ]
-    columns = (text("Hypothesis"), text("Weight"), text("from (95 % of runs)"), text("to (95 % of runs)"))
+    columns = (
+        text("Hypothesis"),
+        text("Weight"),
+        text("from (95 % of runs)"),
+        text("to (95 % of runs)"),
+        text("Verdict"),
+    )
     return book.table(name, caption, columns, rows)
 
 
 def _assumptions() -> list[str]:
     return [
         text(
-            "The law is a Masing spring on one mode, whose stiffness grows with a power of the normal force and which "
-            "is in series with the beam. A hammer test reads one exponential fitted to the decays of all points, a "
+            "The joint is a friction law on every mode alone (Masing; Iwan 1966, with evenly spread yield forces; Dahl "
+            "1976), whose stiffness grows with a power of the normal force and which is in series with the beam. Where "
+            "lift-off is assumed, the contact cannot pull in the shaker test."
+        ),
+        text(
+            "A hammer test reads one exponential fitted to the decays of all points, a "
             "shaker test the steady state at resonance. Every number and every sentence is one likelihood with the "
             "standard deviation that the file gives; the draws follow the prior to the posterior through powers of the "
             "likelihood."
         ),
         text(
-            "What one mode cannot show, it cannot explain: a beam that slides as an absorber with two peaks and a "
-            "higher mode are outside. Standard deviations of the file have to hold what the model gets wrong; a "
+            "What modes cannot show alone, it cannot explain: a beam that slides as an absorber, with two peaks, is "
+            "outside. Standard deviations of the file have to hold what the model gets wrong; a "
             "verdict is no better than they are. A statement that holds agrees with the others under this model: that "
             "it is true does not follow."
         ),

@@ -130,6 +130,10 @@ class JointExperiment(Container):
     separates: float
 
 
+UNDECIDED = (0.05, 0.95)
+"""Weights between which hypotheses cannot be told apart: odds of 19 to 1 either way."""
+
+
 @dataclass(frozen=True, repr=False)
 class JointHypothesis(Container):
     """One of several friction laws, or of several numbers of joints, with its weight.
@@ -145,14 +149,21 @@ class JointHypothesis(Container):
 
     Examples
     --------
-    >>> JointHypothesis("one joint", 0.56, 0.40, 0.71).weight
-    0.56
+    >>> JointHypothesis("one joint", 0.56, 0.40, 0.71).verdict
+    'cannot be told apart'
     """
 
     name: str
     weight: float
     low: float
     high: float
+
+    @property
+    def verdict(self) -> str:
+        """Whether it can be told apart from the others, whatever independent runs differ by."""
+        if self.high < UNDECIDED[0]:
+            return "excluded"
+        return "the others are excluded" if self.low > UNDECIDED[1] else "cannot be told apart"
 
 
 @dataclass(frozen=True, repr=False)
@@ -191,6 +202,61 @@ class HammerPrediction(Container):
 
 
 @dataclass(frozen=True, repr=False)
+class JointLawExperiment(Container):
+    """A measurement that is yet to be made, as the laws of the joint predict it.
+
+    Parameters
+    ----------
+    name : str
+        What is measured, and what of it.
+    laws : tuple of str
+        Laws that explain the statements in draws enough to predict it.
+    outcomes : tuple of (float, float)
+        95 % interval of what is read, by law.
+    separates : float
+        Share of outcomes, drawn from each of these laws as often, after which the right one has a weight of 0.95.
+
+    Examples
+    --------
+    >>> JointLawExperiment("loop", ("Masing", "Iwan"), ((0.1, 0.2), (0.4, 0.5)), 0.9).separates
+    0.9
+    """
+
+    name: str
+    laws: tuple[str, ...]
+    outcomes: tuple[tuple[float, float], ...]
+    separates: float
+
+
+@dataclass(frozen=True, repr=False)
+class JointLimit(Container):
+    """Frequency of the structure with the beam as the normal force goes to zero; a result, not a condition.
+
+    Parameters
+    ----------
+    force : tuple of (float, float)
+        95 % interval of the normal force [N] below which the beam leaves the structure for a part of every period, at
+        the highest level of excitation; NaN where lift-off was not assumed.
+    lowest : tuple of (float, float)
+        95 % interval of the frequency [Hz] at the lowest normal force of the test and its highest level.
+    limit : tuple of (float, float)
+        95 % interval of the frequency [Hz] as the normal force goes to zero.
+    reached : float
+        Probability that it is that without the beam within 0.2 %.
+
+    Examples
+    --------
+    >>> JointLimit((1.0, 20.0), (480.0, 495.0), (484.0, 498.7), 0.1).reached
+    0.1
+    """
+
+    force: tuple[float, float]
+    lowest: tuple[float, float]
+    limit: tuple[float, float]
+    reached: float
+
+
+@dataclass(frozen=True, repr=False)
 class JointResult(Container):
     """What numbers and sentences about a structure determine of its friction joint, and which contradict the others.
 
@@ -208,6 +274,10 @@ class JointResult(Container):
         That the hammer test and the shaker test had one joint; ``None`` where there is one test.
     laws : tuple of JointHypothesis, optional
         Weights of friction laws, where several were compared.
+    law_experiments : tuple of JointLawExperiment, optional
+        Measurements that could tell these laws apart, the one that decides most often first.
+    lift_off : JointLimit, optional
+        Frequency as the normal force goes to zero, where a shaker test of the mode was stated.
     experiments : tuple of JointExperiment, optional
         Measurements that could tell one joint from two, the one that decides most often first.
     hammer : HammerPrediction, optional
@@ -230,6 +300,8 @@ class JointResult(Container):
     statements: tuple[JointStatement, ...]
     weight: JointHypothesis | None = None
     laws: tuple[JointHypothesis, ...] = ()
+    law_experiments: tuple[JointLawExperiment, ...] = ()
+    lift_off: JointLimit | None = None
     experiments: tuple[JointExperiment, ...] = ()
     hammer: HammerPrediction | None = None
     findings: tuple[Finding, ...] = field(default=(), compare=False)
@@ -238,11 +310,7 @@ class JointResult(Container):
     @property
     def decided(self) -> bool:
         """Whether the weight of one joint lies below 0.05 or above 0.95, whatever independent runs differ by."""
-        return self.weight is not None and (self.weight.high < UNDECIDED[0] or self.weight.low > UNDECIDED[1])
-
-
-UNDECIDED = (0.05, 0.95)
-"""Weights of one joint between which one joint and two cannot be told apart: odds of 19 to 1 either way."""
+        return self.weight is not None and self.weight.verdict != "cannot be told apart"
 
 
 def example() -> JointResult:
@@ -330,6 +398,20 @@ def example() -> JointResult:
             ),
         ),
         weight=JointHypothesis("one joint", 0.56, 0.4, 0.71),
+        laws=(
+            JointHypothesis("Masing", 0.8, 0.7, 0.9),
+            JointHypothesis("Iwan", 0.19, 0.1, 0.3),
+            JointHypothesis("Dahl", 0.01, 0.0, 0.03),
+        ),
+        law_experiments=(
+            JointLawExperiment(
+                "hysteresis loops with slips of F_C/k_T and twice that: energy of the first over that of the second",
+                ("Masing", "Iwan"),
+                ((0.01, 0.09), (0.1, 0.22)),
+                0.88,
+            ),
+        ),
+        lift_off=JointLimit((2.0, 24.0), (485.0, 496.0), (484.0, 498.7), 0.1),
         experiments=(
             JointExperiment(
                 "hysteresis loops of both joints: difference of the exponents of k_T", (-0.1, 0.1), (-0.78, 0.74), 0.36

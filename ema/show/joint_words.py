@@ -76,6 +76,18 @@ _PARAMETERS = {
         1.0,
         mark("mode shape where it is excited over slip of the joint"),
     ),
+    "lift-off force over excitation": (
+        mark("lift-off force over excitation"),
+        "",
+        1.0,
+        mark("normal force below which the beam leaves the structure, over the force of the shaker"),
+    ),
+    "share of the mass carried at F_N = 0": (
+        mark("share of the mass carried at F_N = 0"),
+        "",
+        1.0,
+        mark("of the beam, by other means than the joints"),
+    ),
     "peak force": (mark("peak force"), "N", 1.0, mark("of the impacts")),
     "peak force over friction coefficient": (
         mark("peak force over friction coefficient"),
@@ -103,15 +115,22 @@ _QUANTITIES = {
 }
 _TESTS = {"hammer": mark("hammer"), "shaker": mark("shaker")}
 _NORMAL_FORCE = re.compile(r"(?:F_N )?([\d.e+]+) N")
+_MODE = re.compile(r"mode (.+)")
 _EXCITATION = re.compile(r"([\d.e+]+) N excitation")
 
 
 def parameter(name: str) -> Shown:
-    """How a parameter is shown; one that has no entry keeps its name, without a unit."""
-    base, _, test = name.rpartition(", ") if name.rpartition(", ")[2] in _TESTS else (name, "", "")
+    """How a parameter is shown, with its test and mode; one that has no entry keeps its name, without a unit."""
+    base, *where = name.split(", ")
     label, unit, factor, meaning = _PARAMETERS.get(base, (base, "", 1.0, ""))
-    ending = f", {word(test)}" if test else ""
+    ending = "".join(f", {_of_mode(part)}" for part in where)
     return Shown(word(label) + ending, unit, factor, word(meaning) if meaning else "")
+
+
+def _of_mode(part: str) -> str:
+    """A test, or a mode of it, in the language of the reader."""
+    mode = _MODE.fullmatch(part)
+    return text("mode {mode}", mode=mode[1]) if mode else word(part)
 
 
 def quantity(name: str) -> Shown:
@@ -129,4 +148,4 @@ def _condition(part: str) -> str:
         newtons = float(force[1])
         number, unit = (newtons / 1000, "kN") if newtons >= 1000 else (newtons, "N")
         return with_unit(f"F_N\u00a0{number:g}", unit)
-    return word(part)
+    return _of_mode(part)

@@ -160,15 +160,46 @@ def test_where_nothing_contradicts_the_least_probable_is_named() -> None:
 
 
 def test_one_test_has_no_second_joint_and_no_experiment(tmp_path: Path) -> None:
-    lonely = replace(joint_result_data.example(), weight=None, experiments=(), hammer=None)
-    assert "One joint or two" not in page(lonely, tmp_path).source
+    example = joint_result_data.example()
+    lonely = replace(example, weight=None, laws=(), law_experiments=(), lift_off=None, experiments=(), hammer=None)
+    assert "what would decide" in page(example, tmp_path).source
+    assert "what would decide" not in page(lonely, tmp_path).source
     assert not any("joints" in line for line in answers(lonely))
 
 
 def test_weights_of_laws_have_a_table(tmp_path: Path) -> None:
     laws = (JointHypothesis("masing", 0.7, 0.6, 0.8), JointHypothesis("iwan", 0.3, 0.2, 0.4))
     shown = page(replace(joint_result_data.example(), laws=laws), tmp_path)
-    assert ["iwan", "30 %", "20 %", "40 %"] in [row for table in shown.tables for row in table]
+    assert ["iwan", "30 %", "20 %", "40 %", "cannot be told apart"] in [row for table in shown.tables for row in table]
+
+
+def test_laws_that_are_left_and_what_would_tell_them_apart(tmp_path: Path) -> None:
+    example = joint_result_data.example()
+    lines = answers(example)
+    assert any("cannot be told apart, with their weights: Masing 80 % and Iwan 19 %. Excluded" in one for one in lines)
+    assert any(one.startswith("To tell the laws Masing and Iwan apart: hysteresis loops") for one in lines)
+    sure = replace(example, laws=(JointHypothesis("Masing", 1.0, 0.99, 1.0), JointHypothesis("Iwan", 0.0, 0.0, 0.01)))
+    lines = answers(sure)
+    assert any("the statements leave that of Masing. Excluded (a weight below 5 %): Iwan." in one for one in lines)
+    assert not any("To tell the laws" in one for one in lines)
+
+
+def test_the_frequency_at_no_normal_force_is_a_result(tmp_path: Path) -> None:
+    example = joint_result_data.example()
+    (line,) = (one for one in answers(example) if one.startswith("As the normal force goes to zero"))
+    assert "484.0 to 498.7 Hz" in line and "499 Hz" in line
+    rows = [row for table in page(example, tmp_path).tables for row in table]
+    assert ["Frequency as the normal force goes to zero", "484.0", "498.7", "Hz"] in rows
+    unknown = replace(example, lift_off=replace(example.lift_off, force=(float("nan"),) * 2))
+    rows = [row for table in page(unknown, tmp_path).tables for row in table]
+    assert not any("leaves the structure" in cell for row in rows for cell in row)
+
+
+def test_parameters_of_a_further_mode_have_their_words() -> None:
+    shown = joint_words.parameter("drop by the mass, shaker, mode 3")
+    assert (shown.name, shown.unit) == ("drop by the mass, shaker, mode 3", "%") and shown.meaning
+    assert joint_words.parameter("lift-off force over excitation, shaker").meaning
+    assert joint_words.quantity("shaker, mode 3, stuck frequency").name.startswith("shaker, mode 3: frequency")
 
 
 def test_names_that_nobody_knows_yet_are_shown_as_they_are() -> None:
