@@ -139,7 +139,7 @@ def test_runs_that_are_not_there_are_named(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('quantity = "damping"\nlow = 1', "about a map or about a run"),
+        ('quantity = "damping"\nlow = 1', "about a map, a run or the release of a model"),
         ('quantity = "damping"\nmap = "m"', "says nothing"),
         ('quantity = "height"\nmap = "m"\nlow = 1', "quantity"),
         ('quantity = "run damping"\nrun = "r"\nlow = 1', "needs near"),
