@@ -509,11 +509,17 @@ def _measurement(name: str) -> str:
     return f"{head} ({reading})" if reading else head
 
 
+def _share(weight: float) -> str:
+    """A weight in percent; no run of a sampler says that it is nothing or all."""
+    percent = round(100 * weight)
+    return "< 1 %" if percent < 1 else "> 99 %" if percent > 99 else f"{percent} %"
+
+
 def _weights(book: Book, name: str, caption: str, hypotheses: Sequence[JointHypothesis]) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (
             word(one.name),
-            *(Value(x, f"{100 * x:.0f} %") for x in (one.weight, one.low, one.high)),
+            *(Value(x, _share(x)) for x in (one.weight, one.low, one.high)),
             word(one.verdict),
         )
         for one in hypotheses

@@ -47,8 +47,8 @@ def joint_parameters(result: JointResult) -> Figure:
     rows = sorted(result.parameters, key=lambda parameter: parameter.combination)
     columns = (
         (1.35, "left", text("prior (95 %)")),
-        (1.88, "left", text("posterior (95 %)")),
-        (2.62, "right", text("width / prior")),
+        (1.96, "left", text("posterior (95 %)")),
+        (2.9, "right", text("width / prior")),
     )
     figure = new_figure(0.9 + 0.31 * len(rows))
     axes = figure.subplots()

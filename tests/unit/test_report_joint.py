@@ -173,6 +173,13 @@ def test_weights_of_laws_have_a_table(tmp_path: Path) -> None:
     assert ["iwan", "30 %", "20 %", "40 %", "cannot be told apart"] in [row for table in shown.tables for row in table]
 
 
+def test_no_weight_is_nothing_or_all(tmp_path: Path) -> None:
+    sure = (JointHypothesis("Masing", 0.9995, 0.998, 1.0), JointHypothesis("Iwan", 0.0005, 0.0, 0.0125))
+    rows = [row for table in page(replace(joint_result_data.example(), laws=sure), tmp_path).tables for row in table]
+    assert ["Masing", "> 99 %", "> 99 %", "> 99 %", "the others are excluded"] in rows
+    assert ["Iwan", "< 1 %", "< 1 %", "1 %", "excluded"] in rows
+
+
 def test_laws_that_are_left_and_what_would_tell_them_apart(tmp_path: Path) -> None:
     example = joint_result_data.example()
     lines = answers(example)
