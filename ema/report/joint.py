@@ -446,7 +446,10 @@ def _hypotheses(result: JointResult, book: Book) -> list[Block]:
         two = JointHypothesis("two joints", 1 - one.weight, 1 - one.high, 1 - one.low)
         blocks.append(_weights(book, "joints", caption, [one, two]))
     if result.laws:
-        caption = text("Weights of the friction laws, alike beforehand, over one joint and two.")
+        caption = text(
+            "Weights of the friction laws, alike beforehand, over one joint and two. They rest on the priors of the "
+            "parameters as well: a joint that is unusual for its law may be taken for one of another."
+        )
         blocks.append(_weights(book, "laws", caption, result.laws))
     if result.law_experiments:
         blocks.append(_law_experiments(result, book))
