@@ -8,6 +8,7 @@ import numpy as np
 from ema import show
 from ema.messages import mark, plural, text, word
 from ema.messages.lists import listed
+from ema.messages.recognition import recognised
 from ema.report.blocks import Block, Book, Cell, Section, Table, Text
 from ema.report.document import Chapter, Document
 from ema.report.findings import counted, finding_table, grouped, language_note
@@ -26,6 +27,7 @@ _EXPERIMENTS = (
 _LAW_EXPERIMENTS = (
     mark("hysteresis loops with slips of F_C/k_T and twice that: energy of the first over that of the second"),
     mark("hammer, 1 kN, a tenth of the impact: damping [%]"),
+    mark("shaker, {force} N: damping at half the highest level over that at the highest"),
 )
 _HYPOTHESES = (mark("one joint"), mark("two joints"))
 _APART = (mark("excluded"), mark("the others are excluded"), mark("cannot be told apart"))
@@ -508,7 +510,7 @@ def _law_experiments(result: JointResult, book: Book) -> Table:
 
 def _measurement(name: str) -> str:
     """What is measured, and in brackets what is read of it."""
-    head, _, reading = word(name).partition(": ")
+    head, _, reading = recognised(name).partition(": ")
     return f"{head} ({reading})" if reading else head
 
 

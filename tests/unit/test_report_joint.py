@@ -11,10 +11,12 @@ from matplotlib.container import ErrorbarContainer
 
 import ema.report
 from ema import show
+from ema.compare.joint_experiments import JOINTS, of_laws
 from ema.compare.joint_law import Datum, Experiment, Held, JointAssessment, JointModel, Posterior
 from ema.compare.joint_result import joint_result
 from ema.compare.joint_statements import JointFile
 from ema.messages import speaking
+from ema.messages.recognition import recognised
 from ema.report.joint import answers
 from ema.show import joint_result as joint_result_data
 from ema.show import joint_words
@@ -264,6 +266,14 @@ def test_german_has_the_same_numbers(tmp_path: Path) -> None:
     assert numbers[0] == numbers[1]
     with speaking("de"):
         assert answers(joint_result_data.example())[0].startswith("Bestimmt")
+
+
+def test_every_measurement_on_offer_is_named_in_german() -> None:
+    model = JointModel(FILE)
+    with speaking("de"):
+        names = {name: recognised(name) for name in (*JOINTS, *of_laws(model))}
+    assert [name for name, german in names.items() if german == name] == []
+    assert any("Shaker, 100 N: D" in german for german in names.values())
 
 
 def test_a_datum_beyond_all_limits_is_a_sentence() -> None:
