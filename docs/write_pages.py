@@ -10,9 +10,10 @@ from pathlib import Path
 
 import acquisition
 from ema.messages import kinds
-from tests.unit.written_sentences import alternatives, assigned, enclosing, findings, skeleton
+from tests.unit.written_sentences import alternatives, assigned, enclosing, findings, skeleton, trees
 
 ROOT = Path(__file__).resolve().parent.parent
+SEVERITIES = ("info", "warning", "error")
 PAGES = ("findings.md", "formats.md", "tutorials.md")
 _REGION = re.compile(r"(<!-- (?P<name>[\w ]+) -->\n).*?(<!-- end -->)", re.S)
 
@@ -59,21 +60,36 @@ def _stated() -> tuple[dict[str, set[str]], dict[str, list[str]]]:
     severities: dict[str, set[str]] = defaultdict(set)
     advice: dict[str, list[str]] = defaultdict(list)
     fields = ("severity", "code", "where", "message", "value", "limit", "advice")
-    for _, call in findings():
+    elsewhere: list[tuple[str, ast.expr, list[str]]] = []
+    for path, call in findings():
         # behind its message, Finding.of has numbers and no advice
         places = fields if ast.unparse(call.func) == "Finding" else fields[:4]
         given = dict(zip(places, call.args)) | {keyword.arg: keyword.value for keyword in call.keywords}
         codes, texts = _texts(given.get("code"), call), _texts(given.get("advice"), call)
         levels = [_words(part) for part in ast.walk(given["severity"]) if isinstance(part, ast.Constant)]
+        levels = [level for level in levels or _texts(given["severity"], call) if level in SEVERITIES]
+        if not any(code in kinds() for code in codes):
+            elsewhere.append((path, given["code"], levels))
         # a loop over codes has an advice for each, in the same order
         looped = isinstance(given.get("advice"), ast.Name) and len(codes) == len(texts)
         for row, code in enumerate(codes):
-            severities[code].update(level for level in levels if level in ("info", "warning", "error"))
+            severities[code].update(levels)
             for text in texts[row : row + 1] if looped and len(codes) > 1 else texts:
                 sentence = text if text.endswith((".", "?", "…")) else f"{text[:1].upper()}{text[1:]}."
                 if text.strip("…") and sentence not in advice[code]:
                     advice[code].append(sentence)
+    for code in set(kinds()) - set(severities):
+        # a code that a variable holds is written elsewhere in the module, or has a text of the statement at its end
+        for path, node, levels in elsewhere:
+            parts = [part for part in map(_words, ast.walk(node)) if part and "…" not in part]
+            if code in _constants(path) or any(code.startswith(part) or code.endswith(part) for part in parts):
+                severities[code].update(levels)
     return severities, advice
+
+
+def _constants(path: str) -> set[object]:
+    """The literals of a module."""
+    return {node.value for node in ast.walk(trees()[ROOT / path]) if isinstance(node, ast.Constant)}
 
 
 def findings_table() -> str:
@@ -87,9 +103,9 @@ def findings_table() -> str:
             title = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
             lines += ["", f"## See [{title}]({page}.md)", "", "| code | severity | what it says | what to do |",
                       "|---|---|---|---|"]
-        grave = [name for name in ("info", "warning", "error") if name in severities[kind.code]]
+        grave = [name for name in SEVERITIES if name in severities[kind.code]]
         told = " ".join(advice[kind.code]).replace("|", "\\|")
-        lines.append(f"| `{kind.code}` | {', '.join(grave) or 'as it is chosen'} | {kind.meaning} | {told or '–'} |")
+        lines.append(f"| `{kind.code}` | {', '.join(grave) } | {kind.meaning} | {told or '–'} |")
     return "\n".join(lines).lstrip("\n") + "\n"
 
 

@@ -90,6 +90,8 @@ def assigned(name: str, scope: ast.AST) -> list[ast.expr] | None:
     for node in ast.walk(scope):
         if isinstance(node, ast.Assign) and holds(node.targets[0], name):
             parts = [matched(node.targets[0], one, name) for one in chosen(node.value, scope)]
+        elif isinstance(node, ast.AnnAssign) and node.value is not None and holds(node.target, name):
+            parts = [matched(node.target, one, name) for one in chosen(node.value, scope)]
         elif isinstance(node, ast.For) and holds(node.target, name):
             parts = [matched(node.target, one, name) for one in items(node.iter, scope) or [node.iter]]
         elif isinstance(node, ast.AugAssign | ast.AnnAssign | ast.NamedExpr) and holds(node.target, name):
