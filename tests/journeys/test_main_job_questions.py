@@ -6,6 +6,7 @@ arrays of the stored result and the table that was mounted; neither makes senten
 
 import hashlib
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -21,13 +22,17 @@ from ema.study import Study
 from tests.unit.report_page import Page
 
 pytestmark = pytest.mark.slow
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Page, StudyResult]]:
     folder = tmp_path_factory.mktemp("main_job")
     recipe = fetch_recipe("table_placement", folder / "home")
-    result = Study.load(recipe, folder / "work").run()
+    finished = ROOT / "reports" / "_build" / "table_placement"
+    if finished.is_dir():  # used again, which it is for equal inputs, code and packages
+        shutil.copytree(finished, folder / "work" / "table_placement")
+    result = Study.load(recipe, folder / "work").run(resume=True)
     store.save(result, folder / "table_placement.h5")
     ema.report.write(result, folder / "table_placement.html")
     yield Page(folder / "table_placement.html"), store.load(folder / "table_placement.h5")
@@ -220,7 +225,7 @@ def where_is_a_linear_fit_not_to_be_trusted(page: Page, result: StudyResult) -> 
 
 def from_which_files(page: Page, _: StudyResult) -> None:
     shown = row(page, ("File", "SHA-256"), File="campaign.toml")["SHA-256"]
-    campaign = Path(__file__).parents[2] / "datasets" / "work_table_placed" / "campaign.toml"
+    campaign = ROOT / "datasets" / "work_table_placed" / "campaign.toml"
     assert hashlib.sha256(campaign.read_bytes()).hexdigest().startswith(shown)
 
 
