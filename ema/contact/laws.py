@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib import import_module
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -16,10 +16,21 @@ from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import springs_of
 from ema.data import FrictionLaw
 from ema.errors import InputError
+from ema.fingerprint import LawName
 
 UserFunction = Callable[[float, float, float, float, float, float, float, float], float]
-REGISTERED: dict[str, tuple[UserFunction, Any]] = {}
-"""Laws of the user's own by name: the function, and what it was compiled to."""
+
+
+class OwnLaw(NamedTuple):
+    """A law of the user's own: the function, what it was compiled to, and its ``ema.fingerprint.of_function``."""
+
+    function: UserFunction
+    compiled: Any
+    fingerprint: str
+
+
+REGISTERED: dict[str, OwnLaw] = {}
+"""Laws of the user's own by name."""
 
 _OWN = 4
 """Parameters that the function of such a law takes, p0 to p3."""
@@ -242,6 +253,8 @@ def check_parameters(law: FrictionLaw) -> None:
         raise InputError(
             "a parameter is no number", where=f"law {law.name}", got=dict(law.parameters), expected="finite numbers"
         )
+    if known is None:
+        _check_function(law)
     if known is None and law.name not in REGISTERED:
         raise InputError(
             "unknown friction law",
@@ -249,6 +262,36 @@ def check_parameters(law: FrictionLaw) -> None:
             expected="one of " + ", ".join(sorted(CATALOGUE)),
             advice="a law of your own: ema.simulate.register_law",
         )
+
+
+def _check_function(law: FrictionLaw) -> None:
+    """Refuse a law of the user's own that is not registered in this process, or not with the function it was made with.
+
+    Nothing can be told of a name that came without a fingerprint, as from files of earlier releases.
+    """
+    if not isinstance(law.name, LawName):
+        return
+    home = law.name.module
+    where = "" if home in ("", "__main__") else f", its function is in {home}"
+    if law.name not in REGISTERED:
+        raise InputError(
+            "a law of one's own that this process does not know",
+            where=f"law {law.name}",
+            advice=f"register it in every process that runs it{where}",
+        )
+    made, present = law.name.fingerprint, REGISTERED[law.name].fingerprint
+    if made == present:
+        return
+    (kind, _, _), (other, _, _) = made.partition(":"), present.partition(":")
+    raise InputError(
+        "the function registered under this name is not the one that the law was made with"
+        if kind == other
+        else "whether the registered function is the one that the law was made with cannot be told",
+        where=f"law {law.name}",
+        got=present if kind == other else f"a fingerprint of {other}",
+        expected=made if kind == other else kind,
+        advice="register the former function, or take the present one: model.with_law(...) with the law made anew",
+    )
 
 
 @lru_cache(maxsize=1024)
