@@ -25,6 +25,8 @@ _KINKED, _HALVINGS = 1e-10, 30
 """Integral of the force over F_C and half a period by which a panel may differ from its halves, and how many
 of its parts may wait. An error of the places where panels end is of the size of what Newton's method leaves."""
 
+_ELASTIC, _AS_STIFF = 1e-13, 1e-6
+"""Force over F_C, and slope over k_T, by which a spring is missed at most by rounding, the slope being a difference."""
 _JUMP = 1e-3
 """Jump of the slope over k_T at which a panel is cut; a smaller one is halved down to, as it is weaker."""
 
@@ -242,7 +244,7 @@ def _follow(i, law, start, start_u, nodes, out):
     return start
 
 
-@compiled(error_model="numpy")
+@inner_with_arrays
 def _differentiate(numbers, first_basis, nodes, tangents, jacobian):
     """Jacobian of the Fourier coefficients from the tangents along the nodes.
 
@@ -262,11 +264,7 @@ def _differentiate(numbers, first_basis, nodes, tangents, jacobian):
         for c in range(size):
             begin = -grown[count - 1, c] / (1.0 + product)
             grown[n, c] = weight[n] * (grown[n, c] + chain[n] * begin - k * basis[n, c])
-    for n in range(count):
-        for r in range(size):
-            lever = scale * basis[n, r]
-            for c in range(size):
-                jacobian[r, c] += lever * grown[n, c]
+    jacobian += scale * np.dot(basis.T, grown)
 
 
 @compiled(error_model="numpy")
@@ -284,6 +282,8 @@ def smooth_period(i, law, wave, fine, turns, out):
     if own:
         along = np.empty(ends), np.empty(ends), np.empty(ends)
         start = _settle(i, law, start_u, value[:ends], along)
+        if _sticks(i, law, (start_u, start), value[:ends], along):
+            return 0.0
         panels, cuts = _halved(i, law, wave, turns, (widths, counts), start)
     else:
         panels, cuts = _even(counts)
@@ -301,11 +301,25 @@ def smooth_period(i, law, wave, fine, turns, out):
     if derive:
         _differentiate((k, scale), first_basis, (weight, basis), (a, b), jacobian)
     for n in range(count):
-        lost += weight[n] * force[n] * rate[n]
+        # a spring loses nothing: what is lost is the work of the deviation from it
         force[n] = weight[n] * (force[n] - k * u[n])
+        lost += force[n] * rate[n]
         for r in range(size):
             forces[r] += scale * basis[n, r] * force[n]
     return 2.0 * lost
+
+
+@inner
+def _sticks(i, law, begin, value, out):
+    """Whether a contact is a spring from turning point to turning point; ``begin``: displacement and force."""
+    (place, before), k, limit = begin, law[3][STIFFNESS, i], law[3][LIMIT, i]
+    _follow(i, law, before, place, value, out)
+    for m in range(len(value)):
+        elastic = before + k * (value[m] - place)
+        if abs(out[0][m] - elastic) > _ELASTIC * limit or abs(out[2][m] - k) > _AS_STIFF * k:
+            return False
+        place, before = value[m], out[0][m]
+    return True
 
 
 @inner
