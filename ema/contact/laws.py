@@ -35,7 +35,9 @@ REGISTERED: dict[str, OwnLaw] = {}
 _OWN = 4
 """Parameters that the function of such a law takes, p0 to p3."""
 
-_MODULES = {"spring": "springs", "own_in_steps": "own"} | dict.fromkeys((law.plane for law in CATALOGUE.values()), "plane")
+_MODULES = {"spring": "springs", "own_in_steps": "own"} | dict.fromkeys(
+    (law.plane for law in CATALOGUE.values()), "plane"
+)
 _ELASTIC, _STATES = ("spring", "springs"), {"bouc_wen": 3, "lugre": 3, "plane_lugre": 3, "normal": 2}
 _SPRINGS, _ABOVE = ("springs", "plane_springs"), ("lugre", "plane_lugre")
 """Functions for many springs, and those whose forces may stay above a slip force that falls."""

@@ -1,6 +1,7 @@
 """A law of a user's own does what the built-in law of the same form does, and a rule of steps what it tends to."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -75,7 +76,7 @@ def test_a_rule_of_steps_is_followed_to_steps_without_length():
     turns = np.concatenate([[0.0], np.resize([1.0, -1.0], 5) * rng.uniform(0.3, 6.0, 5) * limit / k])
 
     force, exact = 0.0, [0.0]
-    for a, b in zip(turns[:-1], turns[1:]):
+    for a, b in pairwise(turns):
         sign = np.sign(b - a)
         kink, w = limit * (1.0 - floor), abs(b - a)
         start = sign * force
