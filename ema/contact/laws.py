@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib import import_module
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -16,20 +16,40 @@ from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import springs_of
 from ema.data import FrictionLaw
 from ema.errors import InputError
+from ema.fingerprint import LawName
 
 UserFunction = Callable[[float, float, float, float, float, float, float, float], float]
-REGISTERED: dict[str, tuple[UserFunction, Any]] = {}
-"""Laws of the user's own by name: the function, and what it was compiled to."""
+
+
+class OwnLaw(NamedTuple):
+    """A law of the user's own: the function, what it was compiled to, and its ``ema.fingerprint.of_function``."""
+
+    function: UserFunction
+    compiled: Any
+    fingerprint: str
+
+
+REGISTERED: dict[str, OwnLaw] = {}
+"""Laws of the user's own by name."""
 
 _OWN = 4
 """Parameters that the function of such a law takes, p0 to p3."""
 
-_MODULES = {"spring": "springs"} | dict.fromkeys((law.plane for law in CATALOGUE.values()), "plane")
+_MODULES = {"spring": "springs", "own_in_steps": "own"} | dict.fromkeys(
+    (law.plane for law in CATALOGUE.values()), "plane"
+)
 _ELASTIC, _STATES = ("spring", "springs"), {"bouc_wen": 3, "lugre": 3, "plane_lugre": 3, "normal": 2}
 _SPRINGS, _ABOVE = ("springs", "plane_springs"), ("lugre", "plane_lugre")
 """Functions for many springs, and those whose forces may stay above a slip force that falls."""
 _LEAST = 1e-3
 """Slip force over that at rest below which an open contact is taken as just closed, where derivatives are made."""
+
+
+_STARTS, _WAYS = (-1.0, -0.97, -0.6, -0.2, 0.0, 0.1, 0.5, 0.9, 1.0), (-2.3, -0.7, -0.1, 0.03, 0.3, 1.1, 3.1)
+"""Forces over F_C, and ways in F_C/k_T, at which increments of a user's law are tried in halves."""
+_EXACT = 1e-9
+"""Force over F_C by which two halves of an increment may differ from the whole: what Newton's method asks for. A rule
+of first order differs by 1e-4 and more at these ways."""
 
 
 @dataclass(frozen=True)
@@ -242,6 +262,8 @@ def check_parameters(law: FrictionLaw) -> None:
         raise InputError(
             "a parameter is no number", where=f"law {law.name}", got=dict(law.parameters), expected="finite numbers"
         )
+    if known is None:
+        _check_function(law)
     if known is None and law.name not in REGISTERED:
         raise InputError(
             "unknown friction law",
@@ -249,6 +271,36 @@ def check_parameters(law: FrictionLaw) -> None:
             expected="one of " + ", ".join(sorted(CATALOGUE)),
             advice="a law of your own: ema.simulate.register_law",
         )
+
+
+def _check_function(law: FrictionLaw) -> None:
+    """Refuse a law of the user's own that is not registered in this process, or not with the function it was made with.
+
+    Nothing can be told of a name that came without a fingerprint, as from files of earlier releases.
+    """
+    if not isinstance(law.name, LawName):
+        return
+    home = law.name.module
+    where = "" if home in ("", "__main__") else f", its function is in {home}"
+    if law.name not in REGISTERED:
+        raise InputError(
+            "a law of one's own that this process does not know",
+            where=f"law {law.name}",
+            advice=f"register it in every process that runs it{where}",
+        )
+    made, present = law.name.fingerprint, REGISTERED[law.name].fingerprint
+    if made == present:
+        return
+    (kind, _, _), (other, _, _) = made.partition(":"), present.partition(":")
+    raise InputError(
+        "the function registered under this name is not the one that the law was made with"
+        if kind == other
+        else "whether the registered function is the one that the law was made with cannot be told",
+        where=f"law {law.name}",
+        got=present if kind == other else f"a fingerprint of {other}",
+        expected=made if kind == other else kind,
+        advice="register the former function, or take the present one: model.with_law(...) with the law made anew",
+    )
 
 
 @lru_cache(maxsize=1024)
@@ -261,7 +313,7 @@ def check_contract(law: FrictionLaw, stiffness: float, function: Any = None) -> 
     ------
     InputError : it breaks ``ema.contact.contract``; the message has the point and the numbers.
     """
-    for what, got, expected in broken(law, stiffness, assembled([law], np.array([stiffness]), [1])):
+    for what, got, expected in broken(law, stiffness, assembled([law], np.array([stiffness]), [1], as_it_is=True)):
         raise InputError(
             what, where=f"law {law.name}", got=got, expected=expected, advice="see docs/laws.md for what a law must do"
         )
@@ -298,14 +350,16 @@ def assembled(
     stiffness: Float[np.ndarray, "contact"],
     counts_of_joint: Sequence[int],
     couplings: Couplings | None = None,
+    *,
+    as_it_is: bool = False,
 ) -> ContactLaws:
-    """The same for laws that are checked."""
+    """The same for laws that are checked; ``as_it_is``: a rule of short increments is taken in increments as given."""
     springs = {id(law): springs_of(law) for law in laws}
     partner = [-1] * len(laws) if couplings is None else couplings.partner[: len(laws)].tolist()
     curves: dict[tuple[float, float], int] = {}
     rows, keys = [], []
     for i, (law, k, pairs) in enumerate(zip(laws, stiffness, counts_of_joint)):
-        line = CATALOGUE[law.name].kernel if law.name in CATALOGUE else "own"
+        line = CATALOGUE[law.name].kernel if law.name in CATALOGUE else _own_kernel(law, float(k), as_it_is)
         across, name, extra, values = 0, line, 0, np.array([value for _, value in law.parameters])
         if partner[i] >= 0:
             across = partner[i] - i
@@ -317,7 +371,7 @@ def assembled(
             values = bouc_wen_shape(values[0], values[1] if len(values) > 1 else 0.5, curves)
         elif line == "lugre":
             values = values / np.array([pairs, pairs, 1.0, 1.0])
-        elif line == "own":
+        elif line in ("own", "own_in_steps"):
             extra, values = REGISTERED[law.name][1], np.concatenate([values, np.zeros(_OWN)])[:_OWN]
         keys.append((name, extra, across, line if name == PROJECTED else "") if across >= 0 else None)
         rows.append(values)
@@ -337,6 +391,31 @@ def assembled(
         parameters[i, : len(values)] = values
     stiffnesses = np.asarray(stiffness, np.float64)
     return ContactLaws(tuple(groups), stiffnesses, parameters, table, *_bounds(groups, stiffnesses, rows), couplings)
+
+
+def _own_kernel(law: FrictionLaw, k: float, as_it_is: bool) -> str:
+    """The compiled function for a law of the user's own at a contact of ``k`` N/m."""
+    return "own" if as_it_is or _of_any_length(law, k, REGISTERED[law.name].compiled) else "own_in_steps"
+
+
+@lru_cache(maxsize=1024)
+def _of_any_length(law: FrictionLaw, k: float, function: Any) -> bool:
+    """Whether increments of any length are exact, as those of a clip or of a closed form: two of them do what one does.
+
+    A rule of short increments, dF = h(F) du, differs by the square of the increment. Tried at slip forces as they are
+    and a hundred times smaller.
+    """
+    top = (law.friction_coefficient * law.reference_force or 1.0) * k / law.contact_stiffness
+    values = [*(value for _, value in law.parameters), 0.0, 0.0, 0.0, 0.0][:_OWN]
+    for limit in (top, 0.01 * top):
+        for start in _STARTS:
+            for way in _WAYS:
+                du, force = way * limit / k, start * limit
+                whole = function.ctypes(force, du, k, limit, *values)
+                half = function.ctypes(force, 0.5 * du, k, limit, *values)
+                if not abs(function.ctypes(half, 0.5 * du, k, limit, *values) - whole) <= _EXACT * limit:
+                    return False
+    return True
 
 
 def _with_curve(table: np.ndarray, curve: np.ndarray) -> Float[np.ndarray, "curve 3 size"]:

@@ -10,9 +10,10 @@ import numpy as np
 
 from ema.contact.catalogue import CATALOGUE, checked
 from ema.contact.iwan import iwan_springs as iwan_springs
-from ema.contact.laws import REGISTERED, UserFunction, check_parameters
+from ema.contact.laws import REGISTERED, OwnLaw, UserFunction, check_parameters
 from ema.data import FrictionLaw
 from ema.errors import InputError
+from ema.fingerprint import LawName, of_function
 
 PIECEWISE_LINEAR = tuple(name for name, law in CATALOGUE.items() if law.kernel in ("spring", "springs"))
 """Laws that consist of Masing springs: the event-driven reference mode takes these."""
@@ -488,12 +489,13 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
     >>> law.name
     'jenkins of mine'
     """
-    import numba as nb
+    from ema.compiled import of_numbers
 
     if name in CATALOGUE:
         raise InputError("the name of a built-in law", where="register_law", got=name, expected="a name of your own")
     try:
-        compiled = nb.cfunc(nb.float64(*[nb.float64] * 8), error_model="numpy")(function)
+        fingerprint = of_function(function)
+        compiled = of_numbers(getattr(function, "py_func", function), 8, fingerprint)
         trial = compiled.ctypes(0.0, 1e-9, 1e6, 1.0, 0.0, 0.0, 0.0, 0.0)
     except Exception as error:
         raise InputError(
@@ -505,11 +507,12 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
         ) from error
     if not np.isfinite(trial):
         raise InputError("the law returns no number", where=f"law {name}", got=trial, expected="a finite force")
-    REGISTERED[name] = (function, compiled)
+    REGISTERED[name] = OwnLaw(function, compiled, fingerprint)
+    known = LawName(name, fingerprint, function.__module__ or "")
 
     def make(friction_coefficient: float, contact_stiffness: float, *parameters: float, **options: Any) -> FrictionLaw:
         named = tuple((f"p{n}", float(p)) for n, p in enumerate(parameters))
-        return FrictionLaw(name, friction_coefficient, contact_stiffness, named, **options)
+        return FrictionLaw(known, friction_coefficient, contact_stiffness, named, **options)
 
     return make
 

@@ -13,6 +13,7 @@ from ema.data import Lazy
 from ema.data.window import Window
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
+from ema.fingerprint import LawName
 from ema.store.meaning import Meaning, meaning
 
 CONTAINERS: dict[str, type] = {
@@ -45,8 +46,10 @@ def encode(value: Any, parts: Parts, path: str = "", what: Meaning | None = None
     InputError : ``value`` holds something that is no container, array, number, text or tuple of them.
     """
     match value:
-        case None | bool() | int() | str():
+        case None | bool() | int():
             return value
+        case str():
+            return str(value)
         case np.ndarray() | Window():
             parts.arrays[path] = (value, what or Meaning())
             parts.nodes[path] = {"$array": path}
@@ -69,8 +72,11 @@ def encode(value: Any, parts: Parts, path: str = "", what: Meaning | None = None
         tree: dict[str, Any] = {"$noun": type(value).__name__}
         for member in fields(value):
             if member.init:
-                about = meaning(value, member.name)
-                tree[member.name] = encode(getattr(value, member.name), parts, _below(path, member.name), about)
+                part, about = getattr(value, member.name), meaning(value, member.name)
+                if isinstance(part, LawName) and isinstance(value, data.FrictionLaw):
+                    tree[member.name] = {"$law": str(part), "fingerprint": part.fingerprint, "module": part.module}
+                else:
+                    tree[member.name] = encode(part, parts, _below(path, member.name), about)
         return tree
     raise InputError(
         "cannot be stored",
@@ -117,6 +123,8 @@ def decode(
             return complex(float(real), float(imaginary))
         case {"$time": str() as text}:
             return datetime.fromisoformat(text)
+        case {"$law": str() as name, "fingerprint": str() as text, "module": str() as home}:
+            return LawName(name, text, home)
         case {"$items": str() as path, "count": int() as count}:
             return Lazy([lambda place=place: item(path, place) for place in range(count)])  # type: ignore[misc]
         case {"$noun": str() as name}:

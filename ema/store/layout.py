@@ -5,6 +5,8 @@ collection (``mapping``, ``sequence``, or ``noun`` for one container) and the na
 group for each: ``document`` (JSON: every field that is no array) and one dataset for each array, under the path of its
 field. Where an array stands in the document, ``crc32`` is the checksum of its bytes in the order of C (earlier files
 have none); records that grew, packed arrays and the documents carry a Fletcher sum in each chunk instead or as well.
+The name of a friction law of the user's own is an object ``$law`` with the fingerprint of its function; in earlier
+files it is a text.
 """
 
 SCHEMA_VERSION = 1
