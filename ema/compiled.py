@@ -10,7 +10,6 @@ also in the process that has just compiled it: results do not depend on who comp
 Where nothing can be kept, Numba links as it always does, and last digits may differ.
 """
 
-import ctypes
 import hashlib
 import pickle
 from collections.abc import Callable
@@ -70,43 +69,6 @@ kernel: Callable[..., Any] = compiled(**_PLAIN)
 """Decorator of a compiled function that Python calls and that makes no arrays."""
 
 
-class Compiled:
-    """A function of the user's own, compiled for numbers: ``address`` as a C function, and as one of ``ctypes``."""
-
-    def __init__(self, address: int, numbers: int) -> None:
-        self.address, self._numbers = address, numbers
-
-    @cached_property
-    def ctypes(self) -> Callable[..., float]:
-        """The function, to be called from Python."""
-        kind: Callable[..., float] = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_double] * self._numbers)(self.address)
-        return kind
-
-
-_LIBRARIES: list[Any] = []
-"""Code that addresses point into, for the life of the process."""
-
-
-def of_numbers(function: Callable[..., float], numbers: int, fingerprint: str) -> Compiled:
-    """Compile a function of so many numbers that returns one, or read what is kept of its ``fingerprint``.
-
-    It is kept beside the file of the function, or where Numba keeps what it may not write there; a function that is in
-    no file is compiled by every process.
-
-    Raises
-    ------
-    Exception : whatever Numba says of a function that it cannot compile.
-    """
-    options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True}
-    dispatcher: Any = nb.njit(**options)(function)
-    dispatcher._cache = _Kept(function, dispatcher._compiler, fingerprint)
-    signature = nb.float64(*[nb.float64] * numbers)
-    dispatcher.compile(signature)
-    made = dispatcher.overloads[signature.args]
-    _LIBRARIES.append(made)
-    return Compiled(int(made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)), numbers)
-
-
 class _Kept(FunctionCache):
     """Numba's compiled functions on disk, opened or compiled when first used: one file for every signature.
 
@@ -114,9 +76,8 @@ class _Kept(FunctionCache):
     that another process replaced meanwhile are compiled again, and no index has to agree with them.
     """
 
-    def __init__(self, function: Callable[..., Any], compiler: Any, fingerprint: str = "") -> None:
+    def __init__(self, function: Callable[..., Any], compiler: Any) -> None:
         self._py_func, self._name, self._compiler = function, repr(function), compiler
-        self._belongs = fingerprint or _FINGERPRINT
         self.enable()
 
     @cached_property
@@ -156,21 +117,18 @@ class _Kept(FunctionCache):
         except OSError:
             return None
         head, content = whole[:_HEAD], whole[_HEAD:]
-        return content if head == self._hash(key, content) else None
+        return content if head == _hash(key, content) else None
 
     def _write(self, key: Any, content: bytes) -> None:
         path = self._path(key)
         new = path.with_suffix(f".{uuid4().hex}")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            new.write_bytes(self._hash(key, content) + content)
+            new.write_bytes(_hash(key, content) + content)
             new.replace(path)
         except OSError:  # a full disk: what cannot be kept is compiled again next time
             with suppress(OSError):
                 new.unlink(missing_ok=True)
-
-    def _hash(self, key: Any, content: bytes) -> bytes:
-        return hashlib.sha256(repr((self._belongs, nb.__version__, key)).encode() + content).digest()
 
     def _save_overload(self, sig: Any, data: Any) -> None:
         """Nothing to do: what was compiled is kept before it is used."""
@@ -180,3 +138,7 @@ class _Kept(FunctionCache):
 
 
 _HEAD = hashlib.sha256().digest_size
+
+
+def _hash(key: Any, content: bytes) -> bytes:
+    return hashlib.sha256(repr((_FINGERPRINT, nb.__version__, key)).encode() + content).digest()

@@ -16,13 +16,13 @@ from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import springs_of
 from ema.data import FrictionLaw
 from ema.errors import InputError
-from ema.fingerprint import LawName
+from ema.own_functions import LawName
 
 UserFunction = Callable[[float, float, float, float, float, float, float, float], float]
 
 
 class OwnLaw(NamedTuple):
-    """A law of the user's own: the function, what it was compiled to, and its ``ema.fingerprint.of_function``."""
+    """A law of the user's own: the function, what it was compiled to, and its ``ema.own_functions.of_function``."""
 
     function: UserFunction
     compiled: Any

@@ -13,7 +13,7 @@ from ema.contact.iwan import iwan_springs as iwan_springs
 from ema.contact.laws import REGISTERED, OwnLaw, UserFunction, check_parameters
 from ema.data import FrictionLaw
 from ema.errors import InputError
-from ema.fingerprint import LawName, of_function
+from ema.own_functions import LawName, of_function
 
 PIECEWISE_LINEAR = tuple(name for name, law in CATALOGUE.items() if law.kernel in ("spring", "springs"))
 """Laws that consist of Masing springs: the event-driven reference mode takes these."""
@@ -489,7 +489,7 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
     >>> law.name
     'jenkins of mine'
     """
-    from ema.compiled import of_numbers
+    from ema.contact.own_compiled import of_numbers
 
     if name in CATALOGUE:
         raise InputError("the name of a built-in law", where="register_law", got=name, expected="a name of your own")

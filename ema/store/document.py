@@ -13,7 +13,7 @@ from ema.data import Lazy
 from ema.data.window import Window
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
-from ema.fingerprint import LawName
+from ema.own_functions import LawName
 from ema.store.meaning import Meaning, meaning
 
 CONTAINERS: dict[str, type] = {

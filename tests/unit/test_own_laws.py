@@ -12,7 +12,7 @@ import pytest
 from ema import store
 from ema.data import FrictionLaw
 from ema.errors import InputError
-from ema.fingerprint import LawName, of_function
+from ema.own_functions import LawName, of_function
 from ema.simulate import Section, double_beam, loop, register_law, snapback
 
 TIP = "beam 2:2:+Z"
