@@ -149,14 +149,14 @@ def _variance(
     # S_ee = S_yy - 2 Re(H S_xy) + H S_xx H^H
     power = found.outputs - 2 * np.einsum("foi,foi->fo", values.conj(), joint.forces.cross).real
     power += np.einsum("foi,fij,foj->fo", values, joint.forces.inputs, values.conj()).real
-    noise = _pooled(np.maximum(power, 0.0), values, spectra_parts.pooled_lines(found.averages))
+    noise = pooled(np.maximum(power, 0.0), values, spectra_parts.pooled_lines(found.averages))
     inverse = per_force(joint)
     gain = np.einsum("fri,frs,fsi->fi", inverse.conj(), found.inputs[:, number:, number:], inverse).real
     widened = gain / (1 - np.minimum(weak, WEAKEST)) ** 2
     return np.asarray(noise[:, :, None] / (found.averages - number) * widened[:, None, :])
 
 
-def _pooled(
+def pooled(
     power: Float[np.ndarray, "freq out"], values: Complex[np.ndarray, "freq out in"], lines: int
 ) -> Float[np.ndarray, "freq out"]:
     """Power of the errors over neighbouring lines, for noise that is flat or has the shape of the FRFs.

@@ -16,6 +16,7 @@ from ema.estimate import (
     channels,
     clipping,
     equal_channels,
+    force_noise,
     generator,
     hammer_findings,
     local_model,
@@ -25,6 +26,7 @@ from ema.estimate import (
     windows,
 )
 from ema.estimate.drift import Drift
+from ema.estimate.force_noise import AtRest
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_impacts import KEPT, MOST
 from ema.estimate.spectra import Estimator, Spectra
@@ -87,7 +89,8 @@ def shaker(
     Where channels have the role ``generator``, one for each force, their signals are the reference of forces and
     responses instead of the measured forces, ``H = S_yr / S_xr`` (:mod:`ema.estimate.generator`): noise of the force
     channels and disturbances that come back through the shaker then have no bias. The coherence is that of the
-    responses with the generators.
+    responses with the generators. Where the run has records at rest, ``welch`` takes the noise of the force channel off
+    H1 (:mod:`ema.estimate.force_noise`); the local model says how large it is.
 
     Parameters
     ----------
@@ -142,6 +145,7 @@ def shaker(
     generator.check_layout(layout, where)
     where, drift = channels.describe(run), Drift()
     driven = bool(layout.generators) and estimator == "H1"
+    rest = None if driven or estimator != "H1" else at_rest(run, layout, first.sampling_rate, cut)
     if method == "local":
         if estimator != "H1":
             raise InputError("the local model is an H1 estimate", got=estimator, advice="use method='welch'")
@@ -157,9 +161,18 @@ def shaker(
         inputs = welch(run, records, cut, progress, drift, parts=MOST, generators=driven)
         frequencies = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
         kept, beyond = _excited(frequencies, excited_band(inputs, first.sampling_rate, cut.length), where)
-        parts = generator.welch_frfs(generator.Joint(inputs), kept) if driven else welch_frfs(inputs, estimator, kept)
+        if driven:
+            parts = generator.welch_frfs(generator.Joint(inputs), kept)
+        elif rest is not None:
+            parts = force_noise.welch_frfs(inputs, rest, kept)
+        else:
+            parts = welch_frfs(inputs, estimator, kept)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
-        name = generator.NAME if driven else estimator
+        name = generator.NAME if driven else estimator if rest is None else "H1 less force noise"
+    if rest is not None:
+        lines = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
+        within = (lines >= frequencies[kept][0]) & (lines <= frequencies[kept][-1])
+        beyond = (*beyond, *force_noise.about_force(inputs, rest, lines, within, method == "welch", where))
     weak = parts.pop("weakness", None)
     findings = (
         *parts.pop("findings", ()),
@@ -188,6 +201,38 @@ def shaker(
         findings=findings,
         provenance=Provenance(steps=("estimate.shaker",), options=tuple((k, str(v)) for k, v in options.items())),
     )
+
+
+def at_rest(run: Run, layout: channels.Layout, rate: float, cut: Blocks) -> AtRest | None:
+    """Noise of the force channel by the records at rest, in blocks as those of the test; ``None`` without such records.
+
+    Raises
+    ------
+    InputError : several forces, other channels or another rate than in the test, or records shorter than a block.
+    """
+    if not len(run.at_rest):
+        return None
+    where = f"{channels.describe(run)}, record at rest"
+    if len(layout.references) > 1:
+        raise InputError(
+            "noise is taken off one force, not several",
+            where=where,
+            got=f"{len(layout.references)} forces",
+            expected="1",
+            advice="record the signals of the generators instead, or leave at_rest out",
+        )
+    total: Any = 0.0
+    count, independent = 0, 0.0
+    for record in run.at_rest:
+        this = channels.layout(record, where)
+        channels.finite(record, this, where)
+        same_test(rate, layout, record.sampling_rate, this, where)
+        blocks = max((record.signals.shape[1] - cut.length) // cut.step + 1, 0)
+        independent += independent_averages(blocks, cut) if blocks else 0.0
+        for lines in transformed(record, this.references, cut, where):
+            total = total + np.sum(np.abs(lines[:, 0]) ** 2, axis=0)
+            count += len(lines)
+    return AtRest(total / count, independent)
 
 
 def _forces(found: Spectra, driven: bool) -> Spectra:
