@@ -7,7 +7,7 @@ import pytest
 
 from acquisition import open_campaign
 from ema.errors import InputError
-from ema.estimate import shaker
+from ema.estimate import h1_h2_bounds, quality, shaker
 from ema.store import save
 from tests.bench import disturbances_shaker as bench
 from tests.unit.test_estimate_generator import coverage
@@ -109,3 +109,50 @@ def test_a_campaign_names_its_record_at_rest(tmp_path):
     (tmp_path / "campaign.toml").write_text(text.replace("random", "hammer"))
     with pytest.raises(InputError, match="record at rest"):
         open_campaign(tmp_path)
+
+
+def peaks_and_band(frfs, case):
+    """FRFs of the band, their true values, and which lines lie within the half-power width of a mode."""
+    frfs = frfs.band(bench.LOW, bench.HIGH)
+    wanted = bench._responses(case, frfs.frequencies, [case.truth.dofs.index(case.truth.inputs[0])])
+    modes, width = case.truth.natural_frequencies, case.truth.natural_frequencies * case.truth.damping_ratios
+    return frfs, np.abs(wanted), np.any(np.abs(frfs.frequencies[:, None] - modes) < width, axis=1)
+
+
+@pytest.mark.parametrize("noisy", ["force", "response"])
+def test_the_interval_from_h1_to_h2_holds_whichever_channel_is_noisy(noisy, monkeypatch):
+    """A third of the power at the peaks is noise: one end is far off, the interval holds the truth."""
+    inside, ends, named = [], [], 0
+    for seed in range(4):
+        rng = np.random.default_rng([5600, seed, noisy == "force"])
+        test = bench.shaken(rng, shaker=10.0)
+        if noisy == "response":
+            monkeypatch.setattr(bench, "RESPONSE_NOISE", 1.4)
+        frfs, wanted, near = peaks_and_band(
+            shaker(bench.recorded(rng, test, 0.2 if noisy == "force" else 0.0), **WELCH), test.case
+        )
+        low, high = h1_h2_bounds(frfs)
+        inside.append(((low <= wanted) & (wanted <= high))[near].mean())
+        h1, h2 = np.abs(frfs.values), np.abs(frfs.values) / frfs.coherence
+        ends.append([np.median((h1 / wanted)[near]), np.median((h2 / wanted)[near])])
+        named += "force-or-response-noise" in {one.code for one in quality(frfs)}
+    h1, h2 = np.mean(ends, axis=0)
+    assert np.mean(inside) > 0.93
+    assert h1 < 0.8 if noisy == "force" else h2 > 1.2
+    assert named >= 3 or noisy == "response"
+
+
+def test_clean_tests_and_those_whose_noise_is_known_have_no_interval():
+    for seed in range(20):
+        rng = np.random.default_rng([5700, seed])
+        test = bench.shaken(rng, shaker=10.0 * (seed % 2))
+        frfs = shaker(bench.recorded(rng, test, samples=2**15), method="welch", block=2**12)
+        assert "force-or-response-noise" not in {one.code for one in quality(frfs.band(bench.LOW, bench.HIGH))}
+    rng = np.random.default_rng(5800)
+    run = run_at_rest(rng, bench.shaken(rng, shaker=10.0), 0.3)
+    frfs = shaker(run, **WELCH)
+    assert "force-or-response-noise" not in {one.code for one in quality(frfs.band(bench.LOW, bench.HIGH))}
+    with pytest.raises(InputError, match="not bounded by their coherence"):
+        h1_h2_bounds(frfs)
+    with pytest.raises(InputError, match="no coherence"):
+        h1_h2_bounds(replace(frfs, coherence=None))
