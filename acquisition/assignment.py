@@ -99,6 +99,11 @@ def items_of(run: RunTable, folder: Path, campaign: Path, where: str) -> tuple[I
     return tuple(items)
 
 
+def rest_of(run: RunTable) -> RunTable:
+    """The run with the files of its records at rest in place of its own."""
+    return run.model_copy(update={"files": [FileTable(file=run.at_rest)], "file_table": ""})
+
+
 def _from_table(path: Path, where: str) -> Iterator[FileTable]:
     """Rows ``file, point, setup``; every other column is the DOF of the channel that it is named after."""
     table = read_columns(path)
@@ -243,7 +248,12 @@ def data_files(campaign: CampaignFile, folder: Path) -> dict[str, tuple[Path, ..
     ['bare.uff']
     """
     data = data_folder(campaign.campaign.files, folder)
-    return {
-        run.id: tuple(dict.fromkeys(item.path for item in items_of(run, data, folder, f"run {run.id}")))
-        for run in campaign.runs
-    }
+    return {run.id: _paths(run, data, folder) for run in campaign.runs}
+
+
+def _paths(run: RunTable, data: Path, folder: Path) -> tuple[Path, ...]:
+    """Files of the records or FRFs of a run, and of its records at rest."""
+    items = items_of(run, data, folder, f"run {run.id}")
+    if run.at_rest:
+        items += items_of(rest_of(run), data, folder, f"run {run.id}, at_rest")
+    return tuple(dict.fromkeys(item.path for item in items))

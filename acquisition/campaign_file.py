@@ -320,6 +320,7 @@ class RunTable(Table):
         | None
     ) = None
     period: Duration | None = None
+    at_rest: str = ""
     estimator: str = ""
     averages: int | None = Field(default=None, ge=1, strict=True)
     temperature: Temperature | None = None
@@ -339,6 +340,8 @@ class RunTable(Table):
             raise ValueError("a run without a beam has no normal force; drop one of the two statements")
         if self.levels is not None and self.kind not in ("unknown", "stepped sine"):
             raise ValueError(f'levels are those of a stepped sine, not of a {self.kind}; state kind = "stepped sine"')
+        if self.at_rest and self.kind not in ("unknown", "random"):
+            raise ValueError(f"a record at rest corrects the force of random tests, not of a {self.kind}; drop at_rest")
         if len({force.joint for force in self.normal_force}) != len(self.normal_force):
             raise ValueError("two normal forces for one joint")
         return self

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from acquisition import campaign_file, units
-from acquisition.assignment import Item, data_folder, items_of
+from acquisition.assignment import Item, data_folder, items_of, rest_of
 from acquisition.axes import LocalAxes
 from acquisition.campaign_file import CampaignFile, ChannelTable, LevelsTable, RunTable
 from acquisition.copied_files import copied_repeats, copies
@@ -239,7 +239,19 @@ class _Opening:
             run.comment,
             run.repeat,
             run.assembly,
+            at_rest=self._at_rest(run, table, options, where),
         )
+
+    def _at_rest(
+        self, run: RunTable, table: list[ChannelTable], options: dict[str, Any], where: str
+    ) -> Sequence[Recording]:
+        """Records without excitation."""
+        if not run.at_rest:
+            return ()
+        folder, data = self.folders
+        here = f"{where}, at_rest"
+        items = self.repairs.items(run.id, items_of(rest_of(run), data, folder, here))
+        return Lazy([piece.read for piece in self._pieces(run, items, table, options, here)])
 
     def _stepped(self, run: RunTable, items: tuple[Item, ...], table: LevelsTable) -> Run:
         """A run of stepped levels, lowest first."""

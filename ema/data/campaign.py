@@ -112,6 +112,8 @@ class Run(Container):
         Shared by those of them between which nothing was loosened; empty for an assembly of its own.
     levels : tuple of SteppedLevel, optional
         Levels of a stepped sine, lowest first.
+    at_rest : sequence of Recording, optional
+        Records of the same channels without any excitation, which show the noise of the channels.
 
     Examples
     --------
@@ -130,6 +132,7 @@ class Run(Container):
     repeat: str = ""
     assembly: str = ""
     levels: tuple[SteppedLevel, ...] = ()
+    at_rest: Sequence[Recording] = ()
 
     @property
     def kind(self) -> str:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 else:
     Signals = Float[np.ndarray, "channel sample"] | Float[StoredSignals, "channel sample"]
 
-Role = Literal["reference", "response", "normal force", "trigger", "other"]
+Role = Literal["reference", "response", "normal force", "generator", "trigger", "other"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,8 +37,8 @@ class Channel(Container):
         Where and in which direction it measures, where known.
     quantity : Quantity, default "unstated"
         What it measures.
-    role : {"reference", "response", "normal force", "trigger", "other"}, default "response"
-        What its signal is used for.
+    role : {"reference", "response", "normal force", "generator", "trigger", "other"}, default "response"
+        What its signal is used for; ``"generator"`` is the signal that drives the amplifier of a shaker.
     unit : str, optional
         SI unit of the signal, or ``"unstated"``: the signal then holds the bare numbers of the file.
     sensitivity : float, optional
@@ -248,7 +248,7 @@ class Recording(Container):
 
         Parameters
         ----------
-        role : {"reference", "response", "normal force", "trigger", "other"}
+        role : {"reference", "response", "normal force", "generator", "trigger", "other"}
             Role to look for.
 
         Returns

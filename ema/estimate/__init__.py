@@ -16,6 +16,7 @@ _HOMES = {
     "control_level": "ema.estimate.shaker_force",
     "force_at_resonance": "ema.estimate.shaker_force",
     "HammerSettings": "ema.estimate.impact",
+    "h1_h2_bounds": "ema.estimate.force_or_response",
     "hammer": "ema.estimate.impact",
     "hammer_test": "ema.estimate.impact",
     "homogeneity": "ema.estimate.nonlinearity",

@@ -7,6 +7,7 @@ from ema.estimate.decay import phases as phases
 from ema.estimate.decay import ring_down as ring_down
 from ema.estimate.detection_lines import NonlinearDistortion as NonlinearDistortion
 from ema.estimate.detection_lines import nonlinear_distortion as nonlinear_distortion
+from ema.estimate.force_or_response import h1_h2_bounds as h1_h2_bounds
 from ema.estimate.frf_checks import quality as quality
 from ema.estimate.frf_checks import without_dead as without_dead
 from ema.estimate.impact import HammerSettings as HammerSettings

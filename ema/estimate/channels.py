@@ -19,6 +19,7 @@ class Layout:
     responses: tuple[int, ...]
     inputs: tuple[Dof, ...]
     outputs: tuple[Dof, ...]
+    generators: tuple[int, ...] = ()
 
 
 def describe(run: Run, recording: Recording | None = None) -> str:
@@ -94,6 +95,7 @@ def layout(recording: Recording, where: str) -> Layout:
         responses,
         tuple(dof_of(recording.channels[row], place) for place, row in enumerate(references)),
         outputs,
+        recording.with_role("generator"),
     )
 
 
@@ -126,7 +128,7 @@ def finite(recording: Recording, layout: Layout, where: str) -> None:
     ------
     InputError : NaN or infinity.
     """
-    for row in (*layout.references, *layout.responses):
+    for row in (*layout.references, *layout.generators, *layout.responses):
         signal = recording.signals[row]
         if np.isfinite(signal.sum()):  # one fast pass; the slow one only where something is wrong
             continue

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from ema.data import Finding, FrfSet, HitGallery, ModalModel
 from ema.dof import match
 from ema.errors import InputError
+from ema.estimate import force_or_response
 from ema.estimate.turned_sensors import turned_sensors
 
 LOW_COHERENCE = 0.8
@@ -207,6 +208,7 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
             )
         )
     weight = np.abs(frfs.values)
+    low = []
     for peak in peaks:
         line = int(np.argmin(np.abs(frfs.frequencies - peak)))
         near = slice(max(line - 1, 0), line + 2)
@@ -214,6 +216,7 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
         strong = known & (weight[line] >= 0.5 * weight[line][known].max())
         here = float(np.nanmedian(frfs.coherence[near][:, strong]))
         if here < LOW_COHERENCE:
+            low.append((float(peak), here))
             findings.append(
                 Finding.of(
                     "warning",
@@ -227,7 +230,7 @@ def _coherence(frfs: FrfSet, peaks: Float[np.ndarray, "mode"]) -> list[Finding]:
                     coherence=f"{here:.2f}",
                 )
             )
-    return findings
+    return findings + force_or_response.about_noise(frfs, low, _where(frfs))
 
 
 def _noise(frfs: FrfSet) -> list[Finding]:

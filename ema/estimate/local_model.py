@@ -14,7 +14,7 @@ Pintelon, Schoukens, Vandersteen and Barbe 2010 (local polynomial method, varian
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import scipy.ndimage
@@ -62,6 +62,13 @@ _START = 0.1
 _LEAST_SHARE = 1e-3
 """Part of a block in the mean of an FRF below which the block stands for the FRFs of others alone."""
 
+CHI2_95 = 3.0
+"""Square of a complex error over its variance that is exceeded with a probability of 5 %: -log 0.05."""
+
+WEAKEST = 0.9
+"""Weakness of the generators up to which the variance of FRFs over a force grows as Fieller's interval does. Beyond it,
+where that has no end, a standard deviation is ten times the one to first order."""
+
 _FLOOR = 1e-10
 """Least noise of a line over the power around it: rounding."""
 
@@ -75,7 +82,7 @@ class Local:
     over the blocks (freq, out); variance that the lines would have each by itself over that (freq,); correlation of the
     errors of the outputs along the FRFs of each input (freq, in); FRFs and weights of each block (block, freq, out,
     in), where what a block does to the common denominator is a part of its FRFs: they say what the mean would be
-    without the block.
+    without the block; how weakly generators determine the forces (freq, in), 0 without generators.
     """
 
     values: Complex[np.ndarray, "freq out in"]
@@ -86,6 +93,7 @@ class Local:
     correlation: Float[np.ndarray, "freq in"]
     blocks: Complex[np.ndarray, "block freq out in"]
     weights: Float[np.ndarray, "block freq out in"]
+    weakness: Float[np.ndarray, "freq in"]
 
 
 @dataclass(frozen=True)
@@ -128,9 +136,13 @@ def width(inputs: int) -> int:
     return ((DEGREE + 1) * (inputs + 1) + DEGREE + SPARE) // 2 * 2 + 1
 
 
-def local_model(blocks: Sequence[Spectra], wanted: Bool[np.ndarray, "freq"] | None = None) -> Local:
+def local_model(blocks: Sequence[Spectra], wanted: Bool[np.ndarray, "freq"] | None = None, *, forces: int = 0) -> Local:
     """FRFs on every line, or on the ``wanted`` ones, of the spectra of whole records or blocks of one length (no
     window, lines without 0 Hz).
+
+    With ``forces`` the inputs are signals of as many generators, which act in every block, and the first outputs are
+    the forces: the FRFs are those of the other outputs to the forces, ``H = G_yr G_ur^-1``
+    (:mod:`ema.estimate.generator`).
 
     A force whose spectrum is zero in a block does not act there: the block says nothing of its FRFs, and its weight for
     them is zero. In one block at least a force acts. A line has the same estimate whichever others are wanted: those
@@ -154,7 +166,7 @@ def local_model(blocks: Sequence[Spectra], wanted: Bool[np.ndarray, "freq"] | No
             _Part(_regressors(u[around][:, :, which], powers), which, y[around])
             for (u, y), which in zip(blocks, acting, strict=True)
         ]
-        piece = _solved(parts, powers[:, :, 1:])
+        piece = _solved(parts, powers[:, :, 1:], forces)
         for name, arrays in pieces.items():
             arrays.append(np.take(getattr(piece, name), some, axis=_axis(name)))
     return Local(**{name: np.concatenate(arrays, axis=_axis(name)) for name, arrays in pieces.items()})
@@ -194,9 +206,7 @@ def _optimum(
     # Blocks differ in the level of their noise, which their lines here tell together.
     denominator = _denominator(start, powers)
     fitted = [_fit(part, denominator) for part in parts]
-    energy = np.array([np.maximum(one.energy, _FLOOR * own) for one, own in zip(fitted, power, strict=True)])
-    total = np.maximum(np.mean(energy, axis=0), 1e-300)
-    level = np.mean(energy / total, axis=1)
+    level = _levels(fitted, power)
     responses, span = parts[0].y.shape[2], powers.shape[1]
     white = _whitened(parts, _averaged(_noise(fitted, level, power), span))
     a = _maximum_likelihood(white, powers, start, responses=responses)
@@ -207,7 +217,7 @@ def _optimum(
     return _Optimum(_maximum_likelihood(white, powers, a, responses=responses), weighted, by_line, level)
 
 
-def _solved(parts: Sequence[_Part], powers: Float[np.ndarray, "k line degree"]) -> Local:
+def _solved(parts: Sequence[_Part], powers: Float[np.ndarray, "k line degree"], forces: int = 0) -> Local:
     """Maximum likelihood on the lines around each of k lines."""
     power = [np.mean(np.abs(part.y) ** 2, axis=1) for part in parts]
     optimum = _optimum(parts, power, powers)
@@ -226,15 +236,30 @@ def _solved(parts: Sequence[_Part], powers: Float[np.ndarray, "k line degree"]) 
     # What each block does to the denominator is a part of what it does to the mean (one step of the jackknife).
     pulls = np.array([gradient for _, gradient in each])
     pulls -= np.mean(pulls, axis=0)
+    along = _along(fitted, noise, mean.conj() * np.sqrt(sums))
+    common = covariance * np.maximum(np.mean(along, axis=1), 1)[:, None, None]
+    per_force: Complex[np.ndarray, "k in in"] | None = None
+    weak: Float[np.ndarray, "k in"] | float = 0.0
+    if forces:
+        variance = _variance(through, common, sums)
+        per_force, weak = _per_force(mean[:, :forces], variance[:, :forces])
+        base = mean[:, forces:] @ per_force
+        fitted = [_less_forces(own, base, per_force) for own in fitted]
+        power = [size[:, forces:] for size in power]
+        noise = _noise(fitted, _levels(fitted, power), power)
+        changes, weights, through = _of_blocks(parts, fitted, noise, denominator=denominator, powers=powers)
+        sums = np.sum(weights, axis=0)
+        share, values, mean = weights / sums, base + changes, base
+        along = _along(fitted, noise, mean.conj() * np.sqrt(sums))
     moved_by = np.einsum("akoi,kab,pkb->pkoi", through, covariance, pulls, optimize=True)
     blocks = values - np.divide(moved_by, share, out=np.zeros_like(moved_by), where=share > _LEAST_SHARE)
-    along = _along(fitted, noise, mean.conj() * np.sqrt(sums))
-    covariance *= np.maximum(np.mean(along, axis=1), 1)[:, None, None]
-    variance = np.einsum("akoi,kab,bkoi->koi", through, covariance, through.conj(), optimize=True).real
-    variance += np.divide(1, sums, out=np.full_like(sums, np.inf), where=sums > 0)
-    correlation = _correlation(mean, variance, sums, along=along, shared=(through, covariance))
+    variance = _variance(through, common, sums)
+    correlation = _correlation(mean, variance, sums, along=along, shared=(through, common))
     centre = np.argmin(np.abs(powers[:, :, 0]), axis=1)
     alone = _line_variance(parts, noise, centre)
+    if per_force is not None:
+        alone = alone @ np.abs(per_force) ** 2
+        variance = variance / (1 - np.minimum(weak, WEAKEST))[:, None] ** 2
     known = np.isfinite(variance) & np.isfinite(alone)
     ratio = np.where(known, alone, 1.0) / np.where(known, np.maximum(variance, 1e-300), 1.0)
     return Local(
@@ -246,7 +271,68 @@ def _solved(parts: Sequence[_Part], powers: Float[np.ndarray, "k line degree"]) 
         correlation,
         blocks,
         weights,
+        np.broadcast_to(weak, (len(powers), mean.shape[2])),
     )
+
+
+def _variance(
+    through: Complex[np.ndarray, "degree k out in"],
+    covariance: Complex[np.ndarray, "k degree degree"],
+    sums: Float[np.ndarray, "k out in"],
+) -> Float[np.ndarray, "k out in"]:
+    """Variance of the means over the blocks: by the denominator, and by the numerators."""
+    variance = np.einsum("akoi,kab,bkoi->koi", through, covariance, through.conj(), optimize=True).real
+    return np.asarray(variance + np.divide(1, sums, out=np.full_like(sums, np.inf), where=sums > 0))
+
+
+def _per_force(
+    values: Complex[np.ndarray, "k force in"], variance: Float[np.ndarray, "k force in"]
+) -> tuple[Complex[np.ndarray, "k in force"], Float[np.ndarray, "k force"]]:
+    """Generator signals per force, the inverse of the FRFs of the forces, and how weakly these are determined."""
+    inverse = np.linalg.pinv(values)
+    return inverse, weakness(inverse, variance)
+
+
+def weakness(
+    inverse: Complex[np.ndarray, "k in force"], variance: Float[np.ndarray, "k force in"]
+) -> Float[np.ndarray, "k force"]:
+    """Share of the FRFs from generators to forces that their errors may have, squared, with a probability of 95 %.
+
+    Errors of variance v are below ``3 v`` in square with that probability (chi-squared, two degrees of freedom). From 1
+    on a force may be without its generator: the interval of a ratio over it has no end (Fieller 1954).
+    """
+    return np.asarray(CHI2_95 * np.einsum("kfi,kif->kf", variance, np.abs(inverse) ** 2))
+
+
+def _less_forces(
+    own: _Fitted, frfs: Complex[np.ndarray, "k out in"], per_force: Complex[np.ndarray, "k in in"]
+) -> _Fitted:
+    """Responses less those to the measured forces: to first order, the error of ``G_yr G_ur^-1`` is what of it follows
+    the generators, ``(dG_yr - H dG_ur) G_ur^-1``.
+    """
+    residual = _rest(own.residual, frfs)
+    return replace(
+        own,
+        inverse=per_force.transpose(0, 2, 1) @ own.inverse,
+        coefficients=_rest(own.coefficients, frfs),
+        residual=residual,
+        model=_rest(own.model, frfs),
+        energy=np.sum(np.abs(residual) ** 2, axis=1),
+    )
+
+
+def _rest(
+    signals: Complex[np.ndarray, "k row all"], frfs: Complex[np.ndarray, "k out in"]
+) -> Complex[np.ndarray, "k row out"]:
+    """Signals of the responses less those of the forces, which come first, times the FRFs."""
+    forces = frfs.shape[2]
+    return np.asarray(signals[:, :, forces:] - signals[:, :, :forces] @ frfs.transpose(0, 2, 1))
+
+
+def _levels(fitted: Sequence[_Fitted], power: Sequence[Float[np.ndarray, "k out"]]) -> Float[np.ndarray, "block out"]:
+    """Levels of the noise of blocks, which their lines tell together."""
+    energy = np.array([np.maximum(one.energy, _FLOOR * own) for one, own in zip(fitted, power, strict=True)])
+    return np.asarray(np.mean(energy / np.maximum(np.mean(energy, axis=0), 1e-300), axis=1))
 
 
 def _line_weights(

@@ -16,6 +16,8 @@ from ema.estimate import (
     channels,
     clipping,
     equal_channels,
+    force_noise,
+    generator,
     hammer_findings,
     local_model,
     spectra,
@@ -24,6 +26,7 @@ from ema.estimate import (
     windows,
 )
 from ema.estimate.drift import Drift
+from ema.estimate.force_noise import AtRest
 from ema.estimate.record_agreement import SingleBlocks, about_levels, about_records
 from ema.estimate.single_impacts import KEPT, MOST
 from ema.estimate.spectra import Estimator, Spectra
@@ -83,12 +86,18 @@ def shaker(
     resonances are not smeared, the damping is not biased, and the resolution is that of the whole record. ``welch`` is
     the classical average over overlapping Hann blocks, which reads light damping too high.
 
+    Where channels have the role ``generator``, one for each force, their signals are the reference of forces and
+    responses instead of the measured forces, ``H = S_yr / S_xr`` (:mod:`ema.estimate.generator`): noise of the force
+    channels and disturbances that come back through the shaker then have no bias. The coherence is that of the
+    responses with the generators. Where the run has records at rest, ``welch`` takes the noise of the force channel off
+    H1 (:mod:`ema.estimate.force_noise`); the local model says how large it is.
+
     Parameters
     ----------
     run : Run
         Its records hold all shaker forces as references; several records are averaged.
     estimator : {"H1", "H2", "Hv"}, default "H1"
-        ``H1`` (noise on the responses); ``H2`` (one force only) and ``Hv`` for ``welch``.
+        ``H1`` (noise on the responses; with generators ``Hc``); ``H2`` (one force only) and ``Hv`` for ``welch``.
     method : {"local", "welch"}, default "local"
         ``local`` or ``welch``.
     block : int, optional
@@ -133,27 +142,41 @@ def shaker(
     cut = Blocks(automatic_block(first.signals.shape[1], len(layout.references)) if block is None else block, overlap)
     if cut.length < 16:
         raise InputError("the block is too short", got=f"{cut.length} samples", expected="at least 16")
+    generator.check_layout(layout, where)
     where, drift = channels.describe(run), Drift()
+    driven = bool(layout.generators) and estimator == "H1"
+    rest = None if driven or estimator != "H1" else at_rest(run, layout, first.sampling_rate, cut)
     if method == "local":
         if estimator != "H1":
             raise InputError("the local model is an H1 estimate", got=estimator, advice="use method='welch'")
         # The correlation of the inputs, and whether they can be told apart, is a matter of averages.
-        inputs = welch(run, records, cut, progress, drift)
-        spectra.frf(inputs)
+        inputs = welch(run, records, cut, progress, drift, generators=driven)
+        spectra.frf(_forces(inputs, driven))
         length = _length(run, records, block)
         frequencies = np.arange(1, length // 2) * first.sampling_rate / length
         kept, beyond = _excited(frequencies, excited_band(inputs, first.sampling_rate, cut.length), where)
         parts = local_frfs(run, records, length, kept, progress)
-        name = "H1 (local model)"
+        name = f"{generator.NAME if driven else 'H1'} (local model)"
     else:
-        inputs = welch(run, records, cut, progress, drift, parts=MOST)
+        inputs = welch(run, records, cut, progress, drift, parts=MOST, generators=driven)
         frequencies = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
         kept, beyond = _excited(frequencies, excited_band(inputs, first.sampling_rate, cut.length), where)
-        parts = welch_frfs(inputs, estimator, kept)
+        if driven:
+            parts = generator.welch_frfs(generator.Joint(inputs), kept)
+        elif rest is not None:
+            parts = force_noise.welch_frfs(inputs, rest, kept)
+        else:
+            parts = welch_frfs(inputs, estimator, kept)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
-        name = estimator
+        name = generator.NAME if driven else estimator if rest is None else "H1 less force noise"
+    if rest is not None:
+        lines = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
+        within = (lines >= frequencies[kept][0]) & (lines <= frequencies[kept][-1])
+        beyond = (*beyond, *force_noise.about_force(inputs, rest, lines, within, method == "welch", where))
+    weak = parts.pop("weakness", None)
     findings = (
         *parts.pop("findings", ()),
+        *(generator.about_generators(weak, frequencies[kept], layout.inputs, where) if driven else ()),
         *stated_excitation.about_kind(run),
         *drift.findings(first.channels, where),
         *beyond,
@@ -161,7 +184,7 @@ def shaker(
         *breaks.about_breaks(run),
         *equal_channels.about_channels(run),
         *about_levels(run),
-        *input_findings(inputs, layout.inputs, where),
+        *input_findings(_forces(inputs, driven), layout.inputs, where),
         *hammer_findings.about_units(unit, where),
     )
     options = {"estimator": estimator, "method": method, "block": block, "overlap": overlap}
@@ -178,6 +201,43 @@ def shaker(
         findings=findings,
         provenance=Provenance(steps=("estimate.shaker",), options=tuple((k, str(v)) for k, v in options.items())),
     )
+
+
+def at_rest(run: Run, layout: channels.Layout, rate: float, cut: Blocks) -> AtRest | None:
+    """Noise of the force channel by the records at rest, in blocks as those of the test; ``None`` without such records.
+
+    Raises
+    ------
+    InputError : several forces, other channels or another rate than in the test, or records shorter than a block.
+    """
+    if not len(run.at_rest):
+        return None
+    where = f"{channels.describe(run)}, record at rest"
+    if len(layout.references) > 1:
+        raise InputError(
+            "noise is taken off one force, not several",
+            where=where,
+            got=f"{len(layout.references)} forces",
+            expected="1",
+            advice="record the signals of the generators instead, or leave at_rest out",
+        )
+    total: Any = 0.0
+    count, independent = 0, 0.0
+    for record in run.at_rest:
+        this = channels.layout(record, where)
+        channels.finite(record, this, where)
+        same_test(rate, layout, record.sampling_rate, this, where)
+        blocks = max((record.signals.shape[1] - cut.length) // cut.step + 1, 0)
+        independent += independent_averages(blocks, cut) if blocks else 0.0
+        for lines in transformed(record, this.references, cut, where):
+            total = total + np.sum(np.abs(lines[:, 0]) ** 2, axis=0)
+            count += len(lines)
+    return AtRest(total / count, independent)
+
+
+def _forces(found: Spectra, driven: bool) -> Spectra:
+    """The spectra without those of generators."""
+    return generator.Joint(found).forces if driven else found
 
 
 def excited_band(found: Spectra, rate: float, length: int) -> tuple[float, float]:
@@ -266,13 +326,15 @@ def local_frfs(
     power: Any = 0.0
     effective: list[tuple[int, Any, Any]] = []
     single = SingleBlocks()
+    weak: list[Any] = []
     for names, blocks in _together(run, records, length, progress):
-        estimate = local_model.local_model(blocks, kept)
+        estimate = local_model.local_model(blocks, kept, forces=len(layout.generators))
         for name, values, weight in zip(names, estimate.blocks, estimate.weights, strict=True):
             single.keep(name, values, weight)
         weight = np.where(np.isfinite(estimate.variance), 1 / np.maximum(estimate.variance, 1e-300), 0.0)
         weighted, weights = weighted + weight * estimate.values, weights + weight
         noise, power = noise + estimate.noise, power + estimate.power
+        weak.append(estimate.weakness)
         effective.append((len(blocks), estimate.effective_lines, estimate.correlation))
     _driven(weights, layout.inputs, channels.describe(run))
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
@@ -286,6 +348,8 @@ def local_frfs(
         "deviations": _deviations(values, single),
         "effective_lines": np.average([lines for _, lines, _ in effective], axis=0, weights=counts),
         "output_correlation": np.average([correlation for _, _, correlation in effective], axis=0, weights=counts),
+        # Groups of blocks are averaged: the errors of each are larger than those of the mean.
+        "weakness": np.average(weak, axis=0, weights=counts) / len(weak),
         "findings": about_records(
             single, [first.channels[row].name for row in layout.responses], channels.describe(run)
         ),
@@ -327,10 +391,12 @@ def _together(
     for place, record in enumerate(records):
         this = channels.layout(record, channels.describe(run, record))
         record = Drift().off(record, this)
-        rows, inputs = [*this.references, *this.responses], len(this.references)
+        rows = [*this.generators, *this.references, *this.responses]
+        inputs = len(this.generators or this.references)
         for start in range(0, record.signals.shape[1] - length + 1, length):
             signals = record.signals[rows, start : start + length].astype(np.float64)
-            if not np.ptp(signals[:inputs], axis=1).any():
+            acts = np.ptp(signals[:inputs], axis=1) > 0
+            if not (acts.all() if this.generators else acts.any()):
                 continue
             lines = scipy.fft.rfft(signals, axis=1)[:, 1:-1].T
             # A force that is constant does not act there.
@@ -423,15 +489,17 @@ def welch(
     drift: Drift | None = None,
     *,
     parts: int = 1,
+    generators: bool = False,
 ) -> Spectra:
     """Averaged spectra of all records without their drift, Hann window, overlapping blocks, and what at most so many
-    ``parts`` add to them.
+    ``parts`` add to them; with ``generators`` their signals are inputs after the forces.
     """
     first = records[0]
     layout = channels.layout(first, channels.describe(run, first))
     counts = [max((record.signals.shape[1] - cut.length) // cut.step + 1, 0) for record in records]
     total, independent = sum(counts), sum(independent_averages(count, cut) for count in counts if count)
-    size = 16 * (cut.length // 2 + 1) * len(layout.references) * (len(layout.references) + len(layout.responses))
+    count = len(layout.references) + (len(layout.generators) if generators else 0)
+    size = 16 * (cut.length // 2 + 1) * count * (count + len(layout.responses))
     # Parts of less than two independent averages are too much alike.
     parts = int(max(min(parts, independent / 2, KEPT // size), 1))
     sums: list[list[np.ndarray]] = [[] for _ in range(parts)]
@@ -443,13 +511,13 @@ def welch(
         alive(record, this, where)
         same_test(first.sampling_rate, layout, record.sampling_rate, this, where)
         record = (Drift() if drift is None else drift).off(record, this)
-        rows = [*this.references, *this.responses]
+        rows = [*this.references, *(this.generators if generators else ()), *this.responses]
         for lines in transformed(record, rows, cut, where):
             numbers = (before + np.arange(len(lines))) * parts // total
             before += len(lines)
             for number in np.unique(numbers):
                 own = lines[numbers == number]
-                part = spectra.averaged(own[:, : len(this.references)], own[:, len(this.references) :], 1.0)
+                part = spectra.averaged(own[:, :count], own[:, count:], 1.0)
                 terms = [len(own) / total * term for term in (part.inputs, part.cross, part.outputs)]
                 known = sums[number]
                 sums[number] = [a + b for a, b in zip(known, terms)] if known else terms
@@ -511,10 +579,10 @@ def alive(record: Recording, layout: channels.Layout, where: str) -> None:
     ------
     InputError : a force is zero or constant.
     """
-    for row in layout.references:
+    for row in (*layout.references, *layout.generators):
         if np.ptp(record.signals[row]) == 0:
             raise InputError(
-                "the force is zero or constant",
+                "the force is zero or constant" if row in layout.references else "the generator is zero or constant",
                 where=f"{where}, channel {record.channels[row].name}",
                 advice="check the force channel, or leave this shaker out",
             )
@@ -534,13 +602,23 @@ def same_test(rate: float, layout: channels.Layout, other_rate: float, other: ch
             got=f"{other_rate:g} Hz",
             expected=f"{rate:g} Hz",
         )
-    if (other.inputs, other.outputs) != (layout.inputs, layout.outputs):
+    if (other.inputs, other.outputs, len(other.generators)) != (
+        layout.inputs,
+        layout.outputs,
+        len(layout.generators),
+    ):
         raise InputError(
             "the records of the run differ in their channels",
             where=where,
-            got=", ".join(map(str, (*other.inputs, *other.outputs))),
-            expected=", ".join(map(str, (*layout.inputs, *layout.outputs))),
+            got=_channels(other),
+            expected=_channels(layout),
         )
+
+
+def _channels(layout: channels.Layout) -> str:
+    """DOFs of forces and responses, and the number of generators where there are some."""
+    generators = f", {len(layout.generators)} generators" if layout.generators else ""
+    return ", ".join(map(str, (*layout.inputs, *layout.outputs))) + generators
 
 
 def input_findings(found: Spectra, inputs: Sequence[object], where: str) -> tuple[Finding, ...]:

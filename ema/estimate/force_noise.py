@@ -1,0 +1,185 @@
+"""H1 less the noise of the force channel, which a record at rest shows.
+
+The measured force x = f + n has the power ``S_xx = S_ff + S_nn``, by which H1 is too low. With ``S_nn`` of a record at
+rest, n0 averages of the same blocks,
+
+    H = S_yx / (S_xx - S_nn) = H1 S_xx / (S_xx - S_nn).
+
+With e = y - H x the numerator of its error is what ``S_ex`` and ``S_nn`` differ from their means by,
+
+    var H = (S_ee S_xx / n + |H|^2 S_nn^2 / n0) / (S_xx - S_nn)^2,
+
+for circular normal spectra, of which E |mean(e x*) - S_ex|^2 is S_ee S_xx / n also where e and x are correlated, as
+they are by n (Bendat and Piersol 2010, chapter 9; Fuller 1987, Measurement Error Models).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ema.data import Deviations, Finding
+from ema.errors import InputError
+from ema.estimate import spectra, spectra_parts
+from ema.estimate.generator import bands_of, pooled
+from ema.estimate.local_model import WEAKEST
+from ema.estimate.spectra import Spectra
+
+MATTERS = 0.01
+"""Share of noise in the force's power on a line from which on it is named: H1 is too low by as much. As for repeated
+sweeps; half of it is less than the scatter of few averages, twice as much leaves damping 2 % too high."""
+
+NORMAL_95 = 3.84
+"""Square of a real error over its variance that is exceeded with a probability of 5 %."""
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """Power of the noise of one force (freq,), in the unit of the spectra, and the averages behind it."""
+
+    power: Float[np.ndarray, "freq"]
+    averages: float
+
+
+def share(found: Spectra, rest: AtRest) -> Float[np.ndarray, "freq"]:
+    """Share of noise in the power of the force, at most 1."""
+    power = spectra.input_power(found)[:, 0]
+    return np.asarray(np.minimum(np.divide(rest.power, power, out=np.ones_like(power), where=power > 0), 1.0))
+
+
+def weakness(found: Spectra, rest: AtRest) -> Float[np.ndarray, "freq"]:
+    """Square of the share of ``S_xx - S_nn`` that its error may have with a probability of 95 %; from 1 on there may be
+    no force.
+
+    The error is that of noise and its product with the force, ``2 S_ff S_nn / n + S_nn^2 (1 / n + 1 / n0)``.
+    """
+    left = np.maximum(spectra.input_power(found)[:, 0] - rest.power, 0.0)
+    alone = rest.power**2 * (1 / found.averages + 1 / rest.averages)
+    variance = 2 * left * rest.power / found.averages + alone
+    return np.asarray(NORMAL_95 * variance / np.maximum(left**2, np.finfo(float).tiny))
+
+
+def welch_frfs(found: Spectra, rest: AtRest, kept: Bool[np.ndarray, "freq"]) -> dict[str, Any]:
+    """FRFs without the bias by noise of the force, coherence, variance and averages on the ``kept`` lines."""
+    tiny = np.finfo(float).tiny
+    alone = rest.power * np.sqrt(1 / found.averages + 1 / rest.averages)
+    # What is left of the force is known to no less than that: a standard deviation of 100 % where it is all there is.
+    left = np.maximum(np.maximum(spectra.input_power(found)[:, 0] - rest.power, alone), tiny)[:, None]
+    weak = weakness(found, rest)[:, None]
+    values = found.cross / left[:, :, None]
+    coherence = spectra.multiple_coherence(found)
+    result = {
+        "values": values[kept],
+        "coherence": coherence[kept, :, None],
+        "variance": None,
+        "averages": np.full(values.shape[1:], found.averages),
+    }
+    if found.averages <= 1:
+        return result
+    size = np.abs(values[:, :, 0]) ** 2
+    power = spectra.input_power(found)
+    # S_ee = S_yy - 2 Re(H* S_yx) + |H|^2 S_xx
+    error = found.outputs - 2 * np.real(values[:, :, 0].conj() * found.cross[:, :, 0]) + size * power
+    error = pooled(np.maximum(error, 0.0), values, spectra_parts.pooled_lines(found.averages))
+    variance = error * power / (found.averages - 1) + size * rest.power[:, None] ** 2 / rest.averages
+    variance /= (left * (1 - np.minimum(weak, WEAKEST))) ** 2
+    # Without a force nothing is known of an FRF: it may be as large as anywhere else.
+    elsewhere = np.max(np.where(kept[:, None] & (weak < 1), size, 0.0), axis=0)
+    result["variance"] = np.where(weak < 1, variance, np.maximum(variance, elsewhere))[kept, :, None]
+    changes = _deviations(found, rest)
+    if changes is None:
+        return result
+    return result | {
+        "deviations": replace(changes, values=np.asarray(changes.values)[:, kept]),
+        "output_correlation": spectra_parts.output_correlation(values, changes)[kept],
+    }
+
+
+def _deviations(found: Spectra, rest: AtRest) -> Deviations | None:
+    """Deviations of H1 over the power without noise, of which every part has its share."""
+    blocks = sum(part.averages for part in found.parts)
+
+    def less(one: Spectra, part: float) -> Spectra:
+        power = spectra.input_power(one)[:, 0]
+        left = np.maximum(power - part * rest.power, 0.05 * power)
+        return replace(one, inputs=left[:, None, None].astype(complex))
+
+    parts = tuple(less(part, part.averages / blocks) for part in found.parts)
+    return spectra_parts.deviations(replace(less(found, 1.0), parts=parts))
+
+
+def about_force(
+    found: Spectra,
+    rest: AtRest,
+    frequencies: Float[np.ndarray, "freq"],
+    kept: Bool[np.ndarray, "freq"],
+    corrected: bool,
+    where: str,
+) -> tuple[Finding, ...]:
+    """Findings on noise that matters where the structure answers, and on lines where the force is not above it.
+
+    Raises
+    ------
+    InputError : the force at rest is as large as in the test.
+    """
+    findings = []
+    noise = np.where(kept, share(found, rest), 0.0)
+    answer = np.mean(found.outputs / np.maximum(found.outputs[kept].max(axis=0), 1e-300), axis=1)
+    at_peaks = np.where(answer >= np.median(answer[kept]), noise, 0.0)
+    line = int(np.argmax(at_peaks))
+    lost = kept & (weakness(found, rest) >= 1)
+    if np.mean(lost[kept]) > 0.5:
+        raise InputError(
+            "the force in the record at rest is as large as in the test",
+            where=where,
+            got=f"no significant difference at {100 * np.mean(lost[kept]):.0f} % of the lines",
+            expected="a record without excitation",
+            advice="correct at_rest in campaign.toml",
+        )
+    if at_peaks[line] >= MATTERS and not corrected:
+        findings.append(
+            Finding.of(
+                "warning",
+                "force-noise",
+                where,
+                "noise of the force channel, by the record at rest, is {share} % of the power of the force at "
+                "{frequency} Hz: the FRFs are too low there by up to as much, and the damping is read too high.",
+                float(at_peaks[line]),
+                MATTERS,
+                advice='Use method = "welch", which takes it off, or record the signal of the generator.',
+                share=f"{100 * at_peaks[line]:.2g}",
+                frequency=f"{frequencies[line]:.4g}",
+            )
+        )
+    if at_peaks[line] >= MATTERS and corrected:
+        findings.append(
+            Finding.of(
+                "info",
+                "force-noise",
+                where,
+                "noise of the force channel, by the record at rest, is {share} % of the power of the force at "
+                "{frequency} Hz, by which H1 would be too low: it was taken off.",
+                float(at_peaks[line]),
+                MATTERS,
+                advice="Use a load cell of less range, or more force at the resonances.",
+                share=f"{100 * at_peaks[line]:.2g}",
+                frequency=f"{frequencies[line]:.4g}",
+            )
+        )
+    if lost.any():
+        findings.append(
+            Finding.of(
+                "warning",
+                "force-below-noise",
+                where,
+                "at {share} % of the lines ({bands}) the force is not significantly above the noise of its channel: "
+                "the FRFs there are not determined, and their variance is large.",
+                float(np.mean(lost[kept])),
+                0.0,
+                advice="Raise the force there, average more, or record the signal of the generator.",
+                share=f"{100 * np.mean(lost[kept]):.2g}",
+                bands=bands_of(frequencies, lost),
+            )
+        )
+    return tuple(findings)
