@@ -19,6 +19,7 @@ from ema.compare import (
 from ema.data import AmplitudeDependentMode, AmplitudeDraws, Band, ForcedResponse
 from ema.errors import InputError
 from tests.unit.test_amplitude_prediction import command, joint
+from tests.unit.test_docs_python import executed
 
 MASS, F0, ZETA = 2.0, 40.0, 0.03
 POWER = {"displacement": 0, "velocity": 1, "acceleration": 2}
@@ -266,3 +267,10 @@ def test_bands_of_a_stored_prediction_keep_their_open_end(tmp_path):
     band = Band(np.array([1.0]), np.array([2.0]), np.array([np.inf]))
     store.save(tmp_path / "band.h5", band)
     assert store.load(tmp_path / "band.h5").high[0] == np.inf
+
+
+def test_python_of_the_page_runs_as_it_stands(root, capsys, monkeypatch):
+    monkeypatch.setattr(predictive_draws, "COUNT", 200)
+    mode, _ = joint(np.geomspace(2.0, 20.0, 9), slip=5.0)
+    names = executed(root, "prediction.md", 0, mode=mode)
+    assert "value" in capsys.readouterr().out and names["response"].force[0] == 0.5
