@@ -12,7 +12,6 @@ from ema.cli.common import status, write_csv
 from ema.errors import InputError
 
 if TYPE_CHECKING:
-    from ema.cli.predicting import FromLevels, Wanted
     from ema.data import (
         AmplitudeDependentMode,
         AmplitudeDraws,

@@ -28,6 +28,8 @@ COUNTS = (4, 5, 6, 8)
 """Response-controlled levels fitted, from the lowest."""
 GOAL = 0.06
 """Error relative to the peak that is aimed at."""
+OPEN = 2.0
+"""Median half width over the peak from which on a band is called open: its upper end is beyond the draws."""
 SHIFTS = np.arange(-20, 21) * 0.01
 """Shifts of the resonance [Hz] of which the best is stated: what a change of frequency between two tests explains."""
 
@@ -95,8 +97,8 @@ def section(result: dict[str, Any]) -> str:
             f"{100 * row['median error']:.1f}",
             f"{100 * row['error of the peak']:+.1f}",
             f"{100 * row['covered']:.0f}",
-            f"{100 * row['half width']:.0f}",
-            f"{100 * row['shifted']:.0f} ({row['shift']:+.2f})",
+            f"{100 * row['half width']:.0f}" if row["half width"] < OPEN else "open",
+            f"{100 * row['shifted']:.0f} ({row['shift']:+.2f})" if np.isfinite(row["shifted"]) else "-",
         ]
         for row in result["rows"]
     ]
