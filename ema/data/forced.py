@@ -226,8 +226,8 @@ class ForcedResponse(Container):
     --------
     >>> band = Band(low=[0.9], value=[1.0], high=[1.1])
     >>> phase = Band(low=[1.5], value=[1.6], high=[1.7])
-    >>> ForcedResponse([40.0], [2.0], band, band, phase, phase, solutions=[1]).frf("up")
-    array([-0.0145998+0.49978681j])
+    >>> ForcedResponse([40.0], [2.0], band, band, phase, phase, solutions=[1]).frf("up").round(3)
+    array([-0.015+0.5j])
     """
 
     frequencies: Float[np.ndarray, "line"]
