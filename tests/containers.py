@@ -97,6 +97,7 @@ GIVEN: dict[str, Drawn] = {
     "PoleTable": {"letter": lambda _: np.array(["o", "s"])},
     "FrfSet": {"quantity": lambda _: "mobility", "unit": lambda _: "(m/s)/N"},
     "Channel": {"quantity": lambda _: "force", "unit": lambda _: "N"},
+    "ForceSurface": {"force": lambda draw: data.Band(*(draw.number() + np.zeros((2, 2)) for _ in range(3)))},
 }
 """Fields whose values the types do not say."""
 

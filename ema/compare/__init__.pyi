@@ -6,9 +6,14 @@ from ema.compare.damping_maps import maps as maps
 from ema.compare.decays import releases as releases
 from ema.compare.decays import signals as signals
 from ema.compare.fitting import update as update
+from ema.compare.force_predictions import force_surface as force_surface
+from ema.compare.force_predictions import forced_resonances as forced_resonances
+from ema.compare.force_predictions import forced_response as forced_response
 from ema.compare.joint_law import joint_posterior as joint_posterior
 from ema.compare.map_prediction import predict_map as predict_map
 from ema.compare.pairing import modes as modes
+from ema.compare.predictive_draws import amplitude_draws as amplitude_draws
+from ema.compare.predictive_draws import predict_from_draws as predict_from_draws
 from ema.compare.replay import measure as measure
 from ema.compare.scatter import conditions as conditions
 from ema.compare.scatter import difference as difference

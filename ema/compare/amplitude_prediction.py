@@ -1,6 +1,7 @@
 """Frequency and damping of a mode at amplitudes that were not measured, from joint laws with their model error."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -24,6 +25,8 @@ _PSEUDO = 1.0
 """Levels that count for equal weights of all laws, beside those scored."""
 _COUNT = 4000
 """Draws of all laws together: 100 lie beyond either end of a 95 % band."""
+_TOGETHER = 200
+"""Parameter draws whose covariance at many amplitudes is in memory at once: 120 amplitudes take 50 MB."""
 _DRAWN = 0.95
 """Share of the weight of the laws from which on the bands are theirs: what a 95 % band leaves out anyway."""
 _FAR = 2.0
@@ -89,23 +92,15 @@ def predict_amplitudes(
     '60 to 80 m/s^2 is 1.5 to 2 times the highest amplitude measured (40 m/s^2).'
     """
     at = np.asarray(amplitudes, np.float64)
-    _check(mode, at)
-    data = observations(mode)
-    levels = len(mode.amplitude)
-    targets = np.log(at / mode.amplitude[0])
-    posteriors = [posterior(law, data, targets, seed=seed) for law in laws]
-    weights = stacking_weights(*leave_future_out(posteriors, data))
-    fitted = [drawn.given(levels) for drawn in posteriors]
-    generator = np.random.default_rng(seed)
-    index = levels + np.arange(len(at))
-    counts = np.round(_COUNT * weights).astype(int)
-    parts = [one.sample(index, int(count), generator) for one, count in zip(fitted, counts, strict=True) if count]
-    drawn = np.concatenate(parts)
+    check_prediction(mode, at)
+    mixture = LawMixture.of(mode, at, laws, seed)
+    levels, weights, posteriors, fitted = len(mode.amplitude), mixture.weights, mixture.posteriors, mixture.fitted
+    drawn, share = mixture.sample(_COUNT, np.random.default_rng(seed))
     if not len(drawn):
         raise InputError(
             "no law leaves a positive loss at these amplitudes",
             where=mode.name or "mode",
-            got=_statement(mode, at),
+            got=amplitude_statement(mode.quantity, mode.amplitude, at),
             advice="predict nearer to the measured levels",
         )
     best = int(np.argmax(weights))
@@ -118,16 +113,63 @@ def predict_amplitudes(
         weights=weights,
         quantity=mode.quantity,
         force=_force(mode, at, drawn),
-        statement=_statement(mode, at),
+        statement=amplitude_statement(mode.quantity, mode.amplitude, at),
         name=mode.name,
         parameters=identifiability(posteriors[best], levels),
         findings=(
             *_about(mode, at),
             *_explained(mode, fitted[best]),
-            *_few_draws(mode, fitted, weights),
-            *_without_draws(mode, len(drawn) / counts.sum()),
+            *few_draws(mode, fitted, weights),
+            *laws_left_out(mode, share),
         ),
     )
+
+
+@dataclass(frozen=True)
+class LawMixture:
+    """Joint laws fitted to the levels of a mode, weighted by stacking, and to be predicted at some amplitudes."""
+
+    posteriors: Sequence[LawPosterior]
+    fitted: Sequence[Conditional]
+    weights: Float[np.ndarray, "law"]
+
+    @classmethod
+    def of(
+        cls, mode: AmplitudeDependentMode, at: Float[np.ndarray, "point"], laws: Sequence[ModalLaw], seed: int
+    ) -> "LawMixture":
+        """Fit every law and weigh it."""
+        data = observations(mode)
+        targets = np.log(at / mode.amplitude[0])
+        posteriors = [posterior(law, data, targets, seed=seed) for law in laws]
+        weights = stacking_weights(*leave_future_out(posteriors, data))
+        return cls(posteriors, [drawn.given(len(mode.amplitude)) for drawn in posteriors], weights)
+
+    def along(
+        self, targets: Float[np.ndarray, "target"], count: int, generator: np.random.Generator
+    ) -> tuple[Float[np.ndarray, "draw 2 target"], float]:
+        """The same as ``sample`` at many ln(a / a_1): a few parameter draws at a time get the covariance there."""
+        counts = np.round(count * self.weights).astype(int)
+        index = len(self.posteriors[0].data.distance) + np.arange(len(targets))
+        parts = []
+        for fitted, total in zip(self.fitted, counts, strict=True):
+            whole = fitted.posterior
+            for size in np.diff([*range(0, total, _TOGETHER), total]):
+                some = generator.choice(len(fitted.weights), size=size, p=fitted.weights)
+                few = replace(whole, targets=targets, unit=whole.unit[some], log_proposal=whole.log_proposal[some])
+                equal = Conditional(few, fitted.lowest, fitted.mean[some], fitted.covariance[some], np.zeros(size))
+                parts.append(equal.sample(index, int(size), generator))
+        drawn = np.concatenate(parts)
+        return drawn, len(drawn) / float(counts.sum())
+
+    def sample(self, count: int, generator: np.random.Generator) -> tuple[Float[np.ndarray, "draw 2 point"], float]:
+        """About ``count`` draws of lambda and eta at the amplitudes, law by law, and the share of them that laws
+        leave: a draw counts where loss and stiffness are positive at every amplitude."""
+        first = self.posteriors[0]
+        index = len(first.data.distance) + np.arange(len(first.targets))
+        counts = np.round(count * self.weights).astype(int)
+        parts = [one.sample(index, int(n), generator) for one, n in zip(self.fitted, counts, strict=True) if n]
+        drawn = np.concatenate(parts)
+        return drawn, len(drawn) / float(counts.sum())
 
 
 def observations(mode: AmplitudeDependentMode) -> Observations:
@@ -253,7 +295,8 @@ def _quantiles(values: Float[np.ndarray, "draw"], weights: Float[np.ndarray, "dr
     return np.asarray(np.interp([0.025, 0.5, 0.975], np.cumsum(weights[order]), values[order]))
 
 
-def _check(mode: AmplitudeDependentMode, at: Float[np.ndarray, "point"]) -> None:
+def check_prediction(mode: AmplitudeDependentMode, at: Float[np.ndarray, "point"]) -> None:
+    """Refuse fewer than two levels, and what is no amplitude."""
     where = mode.name or "mode"
     if len(mode.amplitude) < 2:
         raise InputError(
@@ -282,10 +325,13 @@ def _force(mode: AmplitudeDependentMode, at: np.ndarray, drawn: np.ndarray) -> B
     return _band(mode.modal_mass * drawn[:, 1] * at * angular**power / drawn[:, 0] ** (1 - power / 2))
 
 
-def _statement(mode: AmplitudeDependentMode, at: Float[np.ndarray, "point"]) -> str:
+def amplitude_statement(
+    quantity: str, levels: Float[np.ndarray, "level"], at: Float[np.ndarray, "point"], what: str = "amplitudes"
+) -> str:
+    """Say how far outside the measured levels amplitudes lie."""
     from ema.units import SI_UNIT
 
-    unit, top, bottom = SI_UNIT[mode.quantity], float(mode.amplitude[-1]), float(mode.amplitude[0])
+    unit, top, bottom = SI_UNIT[quantity], float(levels[-1]), float(levels[0])
     above, below = at[at > top], at[at < bottom]
     inside = len(at) - len(above) - len(below)
 
@@ -301,7 +347,7 @@ def _statement(mode: AmplitudeDependentMode, at: Float[np.ndarray, "point"]) -> 
     if len(below):
         parts.append(f"{span(below)} {unit} is {span(bottom / below)} times below the lowest one ({bottom:.3g} {unit})")
     if inside:
-        parts.append(f"{inside} of {len(at)} amplitudes lie between measured levels")
+        parts.append(f"{inside} of {len(at)} {what} lie between measured levels")
     return "; ".join(parts) + "."
 
 
@@ -319,7 +365,7 @@ def _about(mode: AmplitudeDependentMode, at: np.ndarray) -> list[Finding]:
     return findings
 
 
-def _without_draws(mode: AmplitudeDependentMode, share: float) -> list[Finding]:
+def laws_left_out(mode: AmplitudeDependentMode, share: float) -> list[Finding]:
     """Laws that leave a positive loss and stiffness at these amplitudes so rarely that others stand for them."""
     if share >= _DRAWN:
         return []
@@ -328,7 +374,7 @@ def _without_draws(mode: AmplitudeDependentMode, share: float) -> list[Finding]:
     return [Finding("warning", "laws-left-out", mode.name, text, share, _DRAWN, advice)]
 
 
-def _few_draws(mode: AmplitudeDependentMode, fitted: Sequence[Conditional], weights: np.ndarray) -> list[Finding]:
+def few_draws(mode: AmplitudeDependentMode, fitted: Sequence[Conditional], weights: np.ndarray) -> list[Finding]:
     """Laws of weight whose posterior few draws describe: the ends of the bands rest on these."""
     few = [
         one for one, weight in zip(fitted, weights, strict=True) if weight >= _WEIGHTY and one.effective_draws < FEWEST

@@ -8,6 +8,7 @@ from ema.data.condition import Condition, Excitation, JointForce
 from ema.data.cutting import CuttingLimits
 from ema.data.deviations import Deviations
 from ema.data.findings import Finding
+from ema.data.forced import AmplitudeDraws, ForcedResonances, ForcedResponse, ForceSurface
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.frf import FrfSet
 from ema.data.geometry import Geometry
@@ -49,6 +50,7 @@ from ema.data.trials import Trial, Trials
 
 __all__ = [
     "AmplitudeDependentMode",
+    "AmplitudeDraws",
     "AmplitudePrediction",
     "Band",
     "BeamModel",
@@ -70,6 +72,9 @@ __all__ = [
     "Excitation",
     "Expectation",
     "Finding",
+    "ForceSurface",
+    "ForcedResonances",
+    "ForcedResponse",
     "Forecast",
     "ForecastCheck",
     "FrfSet",

@@ -3,6 +3,7 @@
 from ema.lazy import attach
 
 _HOMES = {
+    "amplitude_draws": "ema.show.forced",
     "amplitude_modes": "ema.show.amplitude",
     "amplitude_shapes": "ema.show.amplitude",
     "animate": "ema.show.animation",
@@ -15,6 +16,9 @@ _HOMES = {
     "damping_map": "ema.show.maps",
     "error_map": "ema.show.matrices",
     "force_spectrum": "ema.show.impacts",
+    "force_surface": "ema.show.forced",
+    "forced_resonances": "ema.show.forced",
+    "forced_responses": "ema.show.forced",
     "forecast_bands": "ema.show.forecast",
     "free_vibration": "ema.show.vibration",
     "frequency_map": "ema.show.maps",

@@ -5,6 +5,10 @@ from ema.show.amplitude import stepped_levels as stepped_levels
 from ema.show.animation import animate as animate
 from ema.show.compared import map_comparison as map_comparison
 from ema.show.compared import map_prediction as map_prediction
+from ema.show.forced import amplitude_draws as amplitude_draws
+from ema.show.forced import force_surface as force_surface
+from ema.show.forced import forced_resonances as forced_resonances
+from ema.show.forced import forced_responses as forced_responses
 from ema.show.forecast import forecast_bands as forecast_bands
 from ema.show.frf import coherence as coherence
 from ema.show.frf import frf_overview as frf_overview

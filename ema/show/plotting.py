@@ -10,6 +10,7 @@ from ema.dof import Dof
 from ema.errors import InputError
 from ema.show.amplitude import amplitude_modes, nonlinear_mode, stepped_levels
 from ema.show.compared import map_comparison, map_prediction
+from ema.show.forced import amplitude_draws, force_surface, forced_resonances, forced_responses
 from ema.show.forecast import forecast_bands
 from ema.show.frf import frf_overview
 from ema.show.impacts import hits
@@ -180,6 +181,7 @@ def _shape_comparison(comparison: shapes.Comparison, **options: Any) -> Figure:
 
 PICTURES: dict[type, Callable[..., Figure]] = {
     data.AmplitudeDependentMode: lambda mode, **options: amplitude_modes([mode], **options),
+    data.AmplitudeDraws: amplitude_draws,
     data.AmplitudePrediction: lambda prediction: amplitude_modes([], [prediction]),
     data.Campaign: _geometry_of,
     data.Condition: normal_force,
@@ -187,6 +189,9 @@ PICTURES: dict[type, Callable[..., Figure]] = {
     data.ContactPressure: contact_forces,
     data.ControlStudy: control_gain,
     data.Decay: ring_down,
+    data.ForceSurface: force_surface,
+    data.ForcedResonances: forced_resonances,
+    data.ForcedResponse: lambda response, **options: forced_responses([response], **options),
     data.Forecast: forecast_bands,
     data.ForecastCheck: forecast_bands,
     data.FrfSet: frf_overview,
@@ -221,6 +226,7 @@ PICTURES: dict[type, Callable[..., Figure]] = {
 SEVERAL: dict[type, Callable[..., Figure]] = {
     data.AmplitudeDependentMode: amplitude_modes,
     data.Decay: ring_down,
+    data.ForcedResponse: forced_responses,
     data.HarmonicResponse: steady_states,
     data.Loop: hysteresis,
     data.Response: motion,

@@ -340,6 +340,7 @@ def main() -> None:
     from tests.bench import (  # they use the tables of this module
         accuracy_page,
         archive,
+        brake_reuss_replay,
         files,
         joint_law,
         joint_law_page,
@@ -384,6 +385,8 @@ def main() -> None:
     ):
         page = DOCS / name
         page.write_text(joint_maps.write(page.read_text(encoding="utf-8"), mark, part), encoding="utf-8")
+    page = DOCS / "prediction.md"
+    page.write_text(brake_reuss_replay.write(page.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":

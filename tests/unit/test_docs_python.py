@@ -82,7 +82,7 @@ def test_a_model_is_updated_and_predicts(root: Path) -> None:
     In a process of its own, without the shape checker of the tests, which a search calls a hundred thousand times. Both
     pages begin with the same update, which is made once.
     """
-    (_, updating), (predicting,) = blocks_of(root, "compare.md"), blocks_of(root, "prediction.md")
+    (_, updating), (_, predicting) = blocks_of(root, "compare.md"), blocks_of(root, "prediction.md")
     update, _, rest = predicting.partition("\n")
     assert updating.startswith(update + "\n") and rest
     done = subprocess.run(

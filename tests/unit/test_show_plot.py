@@ -61,6 +61,14 @@ def things() -> Iterator[Any]:
         weights=[1.0],
         quantity="displacement",
     )
+    curves = [[40.0, 39.0], [40.1, 39.2]]
+    yield made(data.AmplitudeDraws, [1.0, 5.0], curves, [[0.01, 0.02], [0.011, 0.022]], levels=[1.0, 2.0])
+    square = made(data.Band, [[0.9, 1.9]] * 2, [[1.0, 2.0], [2.0, 3.0]], [[2.1, 3.1]] * 2)
+    yield made(data.ForceSurface, [39.0, 40.0], [2.0, 3.0], square, beyond=[0.5, 1.1])
+    open_above = made(data.Band, [9.0, 9.5], [10.0, 11.0], [11.0, np.inf])
+    yield made(data.ForcedResonances, [0.5, 0.6], open_above, frequency, band, beyond=[2.0, 2.1], several=[0.0, 0.0])
+    lines = np.array([1, 3])
+    yield made(data.ForcedResponse, [39.0, 40.0], [2.0, 2.0], open_above, band, band, band, solutions=lines)
     yield examples.campaign()
     yield examples.campaign()["beam"].condition
     yield examples.campaign()["beam"]
