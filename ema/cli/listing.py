@@ -1,6 +1,7 @@
 """Lists that people and machines read: file formats, and what the doctor found."""
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import Any
 
 from rich.console import Console
@@ -62,11 +63,11 @@ def laws_as_list(laws: Sequence[KnownLaw]) -> list[dict[str, Any]]:
                 {
                     "name": one.key,
                     "unit": one.unit,
-                    "default": None if one.several else one.default,
+                    "default": one.default if isfinite(one.default) else None,
                     "limits": one.limits,
                     "meaning": one.meaning,
                 }
-                for one in law.parameters
+                for one in (*law.parameters, *law.instead)
             ],
         }
         for law in laws
@@ -89,6 +90,9 @@ def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
         for one in law.parameters:
             default = "one per spring" if one.several else f"{one.default:g}"
             rows.append(("", one.key, one.unit, default, one.limits, one.meaning))
+        for one in law.instead:
+            default = f"{one.default:g}" if isfinite(one.default) else ""
+            rows.append(("", one.key, one.unit, default, one.limits, f"{one.meaning}; in the place of contact_stiffness"))
     caption = "A law of your own: ema.simulate.register_law, docs/laws.md."
     return table(names, rows, left=names, whole=names[:3], caption=caption)
 
