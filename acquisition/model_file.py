@@ -184,7 +184,6 @@ class LawTable(Table):
                 raise ValueError("every spring has a stiffness share and a force share")
         return self
 
-
     def _rough(self) -> None:
         if (self.contact_stiffness is None) == (self.summit_deviation is None):
             raise ValueError(

@@ -92,7 +92,9 @@ def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
             rows.append(("", one.key, one.unit, default, one.limits, one.meaning))
         for one in law.instead:
             default = f"{one.default:g}" if isfinite(one.default) else ""
-            rows.append(("", one.key, one.unit, default, one.limits, f"{one.meaning}; in the place of contact_stiffness"))
+            rows.append(
+                ("", one.key, one.unit, default, one.limits, f"{one.meaning}; in the place of contact_stiffness")
+            )
     caption = "A law of your own: ema.simulate.register_law, docs/laws.md."
     return table(names, rows, left=names, whole=names[:3], caption=caption)
 

@@ -30,9 +30,9 @@ ROUGH = ("rough contact", "gaussian rough contact")
 DEEPEST, LEAST, GROWTH = 20.0, 3e-4, 20.0
 """Yield displacements of the last and the first stretch over u_c: beyond the last one are 2e-9 of the force. Normal force
 over that at rest up to which springs stand for summits that are yet to touch; beyond it the stiffnesses stay."""
-LIGHTEST, HEAVIEST, POINTS = 1e-6, 100.0, 401
-"""Normal forces over the stated one between which a curve stands for the normal law, and its points: each is 4.7 % above
-the one before, and a straight line between them errs by 0.03 %."""
+LIGHTEST, HEAVIEST, POINTS = 1e-4, 100.0, 401
+"""Normal forces over the stated one between which a curve stands for the normal law, and its points: each is 3.5 % above
+the one before, and a straight line between them errs by 0.02 %."""
 _FURTHEST, _CLOSEST = 4.5, 9.0
 """Separations about the stated one, over the deviation, between which Gaussian heights have these forces."""
 
@@ -126,7 +126,7 @@ def bed(law: FrictionLaw, stiffness: float) -> tuple[int, Float[np.ndarray, "fie
 def rough_normal_contact(deviation: float, force: float, separation: float | None = None) -> NormalContact:
     """Return the normal law of heights with a standard ``deviation`` in m as a curve; ``force`` N at the separation.
 
-    Exponential heights have no end, and Gaussian ones none that matters: surfaces let go at a millionth of the force.
+    Exponential heights have no end, and Gaussian ones none that matters: surfaces let go at LIGHTEST.
     """
     depths = np.linspace(np.log(LIGHTEST), np.log(HEAVIEST), POINTS)
     forces = force * np.exp(depths)
@@ -135,4 +135,6 @@ def rough_normal_contact(deviation: float, force: float, separation: float | Non
         t = np.linspace(separation + _FURTHEST, separation - _CLOSEST, 4001)
         shares = np.log(partial_moment(1.5, t) / partial_moment(1.5, separation))
         depths = separation - np.interp(depths, shares, t)
-    return NormalContact("curve", points=tuple(zip((deviation * (depths - depths[0])).tolist(), (forces - forces[0]).tolist())))
+    return NormalContact(
+        "curve", points=tuple(zip((deviation * (depths - depths[0])).tolist(), (forces - forces[0]).tolist()))
+    )

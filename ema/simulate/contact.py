@@ -115,16 +115,17 @@ def RoughNormalContact(
 ) -> NormalContact:
     """Return the normal contact of two rough surfaces, with the summits of :func:`ema.simulate.RoughContact`.
 
-    With exponential heights k_N = F_N/s at any normal force. It parts at a millionth of the ``reference_force``, and
-    the joint's ``normal_stiffness`` is not used.
+    With exponential heights k_N = F_N/s at any normal force. It parts at 1e-4 of the ``reference_force``, 9.2 s before
+    that is reached: a structure that resists being pressed together so far takes its part of the preload. The joint's
+    ``normal_stiffness`` is not used.
 
     Parameters
     ----------
     summit_deviation : float
         s, standard deviation of the heights of the summits of both surfaces [m].
     reference_force : float, default 1000.0
-        Normal force [N] of the whole joint, about that of the preload: forces from a millionth to 100 times of it are
-        followed; beyond these the stiffness stays.
+        Normal force [N] of the whole joint, about that of the preload: forces up to 100 times of it are followed;
+        beyond them the stiffness stays.
     separation : float, optional
         With Gaussian heights: distance of their mean from the opposite plane at the ``reference_force``, over s, above
         0 up to 6. By default the heights are exponential.
