@@ -1,22 +1,25 @@
-"""Springs that stand for two rough surfaces: Greenwood and Williamson's summits, each with Cattaneo's and Mindlin's slip.
+"""Springs that stand for two rough surfaces: Greenwood and Williamson's summits, each slipping as Mindlin has it.
 
-A summit pressed by delta carries f(delta) = 4/3 E* sqrt(R) delta^(3/2) (Hertz) and sticks with the stiffness kappa df/ddelta
-along the surface, kappa = 2 (1 - nu) / (2 - nu) for like materials. Moved by u under a constant force it has
-q = mu (f(delta) - f(delta - kappa u / mu)): the friction that slips everywhere, less that of a contact which is less deep
-(Cattaneo 1938; Mindlin 1949; Ciavarella 1998; Jaeger 1998). Summed over all summits, for surfaces that are D deep
+A summit pressed by delta carries f(delta) = 4/3 E* sqrt(R) delta^(3/2) (Hertz 1882) and sticks with kappa times its
+normal stiffness, kappa = 2 (1 - nu) / (2 - nu) for like materials. Moved by u under a constant force it carries
+
+    q = mu (f(delta) - f(delta - kappa u / mu)),
+
+the friction of one that slips everywhere, less that of one that is less deep (Cattaneo 1938; Mindlin 1949; Ciavarella
+1998; Jaeger 1998). Summed over all summits, at the depth D,
 
     F_T(u) = mu (F_N(D) - F_N(D - kappa u / mu)),
 
-so that the normal law is the tangential one as well. Its second derivative is a density of springs: that which touches at
-the depth g has the stiffnesses F_N''(g) dg and kappa times that, and slips at mu times the force that presses it,
-mu F_N''(g) (D - g) dg. Such a bed of springs carries any history of D and u as the summits do (Popov and Hess 2015), and
-where D falls below g its spring lets go. With the yield displacement y = (D - g) / L over u_c = mu F_N / k_T, where
-L = F_N / F_N', the stiffness of all springs beyond y is k_T K(y) and T(y) is the integral of K from there on:
+so that the normal law gives the tangential one. Its second derivative is a density of springs: those that touch at the
+depths g to g + dg have the stiffness F_N''(g) dg, kappa times that along the surface, and slip at mu times the force
+F_N''(g) (D - g) dg that presses them. Such a bed carries any history of D and u as the summits do (Popov and Hess
+2015); where D falls below g its springs let go. With y the yield displacement over u_c = mu F_N / k_T, y = (D - g) / l
+and l = F_N / F_N', the stiffness of all springs beyond y is k_T K(y), and T(y) is the integral of K from y on:
 
     exponential heights    K = T = exp(-y)
-    Gaussian heights       K = H_1/2(t) / H_1/2(t0), T = H_3/2(t) / H_3/2(t0), t = t0 + y / L,
+    Gaussian heights       K = H_1/2(t) / H_1/2(t0), T = H_3/2(t) / H_3/2(t0), t = t0 + y l / s
 
-with the separation t0 over the standard deviation of the heights and H_n(t) the integral of (x - t)^n over them.
+with the standard deviation s, the separation t0 over s, and H_n(t) the integral of (x - t)^n over the heights x above t.
 """
 
 import numpy as np
@@ -27,13 +30,13 @@ from ema.data import FrictionLaw, NormalContact
 ROUGH = ("rough contact", "gaussian rough contact")
 """The laws of rough surfaces."""
 
-DEEPEST, LEAST, GROWTH = 20.0, 3e-4, 20.0
-"""Yield displacements of the last and the first stretch over u_c: beyond the last one are 2e-9 of the force. Normal force
+DEEPEST, LEAST, GROWTH = 16.0, 1e-3, 20.0
+"""Yield displacements of the last and the first stretch over u_c: beyond the last one are 2e-6 of the force. Normal force
 over that at rest up to which springs stand for summits that are yet to touch; beyond it the stiffnesses stay."""
 LIGHTEST, HEAVIEST, POINTS = 1e-4, 100.0, 401
 """Normal forces over the stated one between which a curve stands for the normal law, and its points: each is 3.5 % above
 the one before, and a straight line between them errs by 0.02 %."""
-_FURTHEST, _CLOSEST = 4.5, 9.0
+_FURTHEST, _CLOSEST = 4.5, 30.0
 """Separations about the stated one, over the deviation, between which Gaussian heights have these forces."""
 
 

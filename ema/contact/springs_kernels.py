@@ -6,8 +6,8 @@ from ema.compiled import fast, inner, kernel
 from ema.contact.call_kernels import END, EXCESS, FIRST, FORCE, LIMIT, OWN, SLOPE, STIFFNESS, WAY
 
 _AT_REST, _OPEN, _TRIALS = 1e-12, 1e3, 60
-"""Difference of slip forces that is rounding; yield displacements by which nothing touches; steps of Newton's method, of
-which a slip force a millionth of that at rest takes 5."""
+"""Difference of slip forces that is rounding; yield displacements by which nothing touches; steps of Newton's method:
+from 1e-4 to 1e3 times the slip force at rest it takes 2 or 3."""
 
 
 @kernel
@@ -28,7 +28,7 @@ def spring(group, rate, tables, exchange, states):
 def _clipped(springs, bearing, way, old, new):
     """Sums over the springs of one contact: what slipped, the force and its slope; the forces go to ``new``.
 
-    ``springs``: stiffness and slip force at rest, of which with ``bearing`` (a, b) a slip force a * top + b * k is left.
+    ``springs``: stiffnesses and slip forces at rest; with ``bearing`` (a, b) a slip force is a * top + b * k.
     """
     (stiffness, tops), (share, deeper), excess, force, slope = springs, bearing, 0.0, 0.0, 0.0
     for j in range(len(stiffness)):

@@ -332,9 +332,9 @@ def RoughContact(
 
     The summits are spheres that press by Hertz's law, and slip from their edges inwards (Cattaneo, Mindlin) where mu
     times the pressure is reached. With exponential heights the normal force F_N gives both contact stiffnesses,
-    k_N = F_N/s and k_T = 2 (1 - nu)/(2 - nu) k_N, the friction force on first loading mu F_N (1 - exp(-k_T u/(mu F_N))),
-    and the loss per cycle, (2/3) k_T^2 u^3/(mu F_N) at small amplitudes u. Where F_N changes during a motion, summits
-    that part let go, and those that come to touch are unstressed.
+    k_N = F_N/s and k_T = 2 (1 - nu)/(2 - nu) k_N, the friction force on first loading
+    mu F_N (1 - exp(-k_T u/(mu F_N))), and the loss per cycle, (2/3) k_T^2 u^3/(mu F_N) at small amplitudes u. Where F_N
+    changes during a motion, summits that part let go, and those that come to touch are unstressed.
 
     Parameters
     ----------
@@ -348,8 +348,9 @@ def RoughContact(
         With Gaussian heights: distance of their mean from the opposite plane at the ``reference_force``, over s, above
         0 up to 6. By default the heights are exponential.
     springs : int, default 60
-        Masing springs that stand for the summits that touch, 3 or more; a third as many stand for those that touch
-        when F_N grows, up to 20 times that at rest.
+        Masing springs that stand for the summits that touch, 2 or more: with 60 the friction force errs by up to 0.2 %
+        of mu F_N and the loss per cycle by up to 1.5 %, with 120 by 0.05 % and 0.4 %. About half as many stand for
+        those that touch when F_N grows, up to 20 times that at rest.
     reference_force : float, default 1000.0
         Normal force [N] of the whole joint at which k_T is stated. It changes nothing with exponential heights.
     **options : object
