@@ -192,6 +192,8 @@ class LawTable(Table):
             )
         if self.poisson is not None and self.summit_deviation is None:
             raise ValueError("poisson goes with summit_deviation; a contact_stiffness has it in it")
+        if "separation" in LAW_PARAMETERS[self.name] and self.separation is None:
+            raise ValueError(f"the law {self.name!r} needs a separation such as 3; rough contact goes without")
         for key in sorted(self.model_fields_set & {"stiffness_exponent", "stiffness_cap"}):
             raise ValueError(f"{key!r} follows from the heights of the law {self.name!r}; leave it out")
 

@@ -63,7 +63,11 @@ class KnownLaw:
 _BETA = Parameter("beta", "-", 1.0, "stiffness of the spring that slips last over that of the others", open_below=False)
 _SPRINGS = Parameter("springs", "-", 60.0, "Masing springs that stand for the continuum", low=2.0, open_below=False)
 _SEPARATION = Parameter(
-    "separation", "-", 3.0, "of the mean planes at the reference force, over the deviation of the heights", high=6.0
+    "separation",
+    "-",
+    float("nan"),
+    "of the mean of the heights at the reference force, over their deviation; to be stated",
+    high=6.0,
 )
 _SURFACE = (
     Parameter("summit deviation", "m", float("nan"), "standard deviation of the summit heights"),

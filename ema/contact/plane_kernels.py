@@ -209,6 +209,14 @@ def plane_regularised(group, rate, tables, exchange, states):
 
 
 @inner
+def within(force, top):
+    """The force, straight back on the circle of radius ``top`` where it is beyond it, as the slip force fell."""
+    size = np.sqrt(force[0] * force[0] + force[1] * force[1])
+    share = top / size if size > top else 1.0
+    return force[0] * share, force[1] * share
+
+
+@inner
 def approach_step(k, limit, alpha, way, force):
     """Dahl: dF = k |d - F/F_C|^(alpha - 1) (d - F/F_C) |du|, straight towards F_C d with d the direction of motion."""
     if limit <= 0.0:
@@ -246,7 +254,8 @@ def plane_dahl(group, rate, tables, exchange, states):
     for i in range(group[FIRST], group[END]):
         j = i + group[ACROSS]
         way, start = (exchange[WAY, i], exchange[WAY, j]), (before[i, 0], before[j, 0])
-        force, slopes = approach_step(exchange[STIFFNESS, i], exchange[LIMIT, i], parameters[i, 0], way, start)
+        limit = exchange[LIMIT, i]
+        force, slopes = approach_step(exchange[STIFFNESS, i], limit, parameters[i, 0], way, within(start, limit))
         after[i, 0], after[j, 0] = force
         give(exchange, (i, j), start, force, slopes)
 
@@ -265,7 +274,7 @@ def plane_lugre(group, rate, tables, exchange, states):
         mean = np.sqrt(ux * ux + uy * uy) * rate
         top = limit * (1.0 + peak * np.exp(-((mean / stribeck) ** 2)))
         (zx, zy), (xx, xy, yx, yy) = approach_step(
-            exchange[STIFFNESS, i], top, 1.0, (ux, uy), (before[i, 0], before[j, 0])
+            exchange[STIFFNESS, i], top, 1.0, (ux, uy), within((before[i, 0], before[j, 0]), limit * (1.0 + peak))
         )
         fx, fy = zx, zy
         if limit > 0.0 and rate > 0.0:
