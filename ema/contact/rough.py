@@ -19,7 +19,7 @@ and l = F_N / F_N', the stiffness of all springs beyond y is k_T K(y), and T(y) 
     exponential heights    K = T = exp(-y)
     Gaussian heights       K = H_1/2(t) / H_1/2(t0), T = H_3/2(t) / H_3/2(t0), t = t0 + y l / s
 
-with the standard deviation s, the separation t0 over s, and H_n(t) the integral of (x - t)^n over the heights x above t.
+with the standard deviation s, the separation t0 over s, and H_n(t) the mean of (x - t)^n of the heights x above t.
 """
 
 import numpy as np
@@ -31,11 +31,11 @@ ROUGH = ("rough contact", "gaussian rough contact")
 """The laws of rough surfaces."""
 
 DEEPEST, LEAST, GROWTH = 16.0, 1e-3, 20.0
-"""Yield displacements of the last and the first stretch over u_c: beyond the last one are 2e-6 of the force. Normal force
-over that at rest up to which springs stand for summits that are yet to touch; beyond it the stiffnesses stay."""
+"""Yield displacements of the last and the first stretch over u_c: beyond the last one are 2e-6 of the force. Normal
+force over that at rest up to which springs stand for summits that are yet to touch; beyond it the stiffnesses stay."""
 LIGHTEST, HEAVIEST, POINTS = 1e-4, 100.0, 401
-"""Normal forces over the stated one between which a curve stands for the normal law, and its points: each is 3.5 % above
-the one before, and a straight line between them errs by 0.02 %."""
+"""Normal forces over the stated one between which a curve stands for the normal law, and its points: each is 3.5 %
+above the one before, and a straight line between them errs by 0.02 %."""
 _FURTHEST, _CLOSEST = 4.5, 30.0
 """Separations about the stated one, over the deviation, between which Gaussian heights have these forces."""
 

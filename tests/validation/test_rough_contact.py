@@ -37,6 +37,9 @@ EXACT = 0.002
 """Bound of the error of 60 springs on first loading over mu F_N, which is 0.0016 at 2 UC; on branches of a loop Masing's
 rule doubles it."""
 
+CHANGED = 0.005
+"""The same where the normal force has grown, over its largest value: stretches of h = 0.2 err by h^2/8."""
+
 
 def compressions(separation, seed):
     """Of 100,000 summits that touch, in S, one drawn from each hundred thousandth of the heights.
@@ -152,7 +155,7 @@ def test_normal_forces_that_change_against_summits(path):
     bed = Bed(2.6)
     normal, truth = np.array([bed.pressed(d) for d in depth]), np.array([bed.moved(*one) for one in zip(depth, x)])
     found = drive(RoughContact(MU, S, NU), x * UC, FN * normal) / (MU * FN)
-    assert np.abs(found - truth).max() <= 2 * EXACT * normal.max()
+    assert np.abs(found - truth).max() <= CHANGED * normal.max()
     # the law of a fixed stiffness is far from it
     assert np.abs(drive(RoughContact(MU, S, NU), x * UC, FN) / (MU * FN) - truth).max() > 0.2 * normal.max() ** 0.5
 
@@ -163,7 +166,7 @@ def test_what_sticks_while_it_is_pressed_is_elastic():
     normal = FN * np.exp(depth)
     for c in (0.3, 0.9):
         found = drive(RoughContact(MU, S, NU), c * MU * depth * S / KAPPA, normal)
-        np.testing.assert_allclose(found, c * MU * (normal - FN), atol=2 * EXACT * MU * normal.max())
+        np.testing.assert_allclose(found, c * MU * (normal - FN), atol=CHANGED * MU * normal.max())
 
 
 def test_a_contact_that_opened_comes_back_without_friction():
