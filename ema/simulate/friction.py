@@ -349,7 +349,7 @@ def RoughContact(
         0 up to 6. By default the heights are exponential.
     springs : int, default 60
         Masing springs that stand for the summits that touch, 2 or more: with 60 the friction force errs by up to 0.2 %
-        of mu F_N and the loss per cycle by up to 1.5 %, with 120 by 0.05 % and 0.4 %. About half as many stand for
+        of mu F_N and the loss per cycle by up to 1.6 %, with 120 by 0.05 % and 0.4 %. About half as many stand for
         those that touch when F_N grows, up to 20 times that at rest.
     reference_force : float, default 1000.0
         Normal force [N] of the whole joint at which k_T is stated. It changes nothing with exponential heights.
