@@ -13,6 +13,7 @@ from acquisition import model_file as tables
 from acquisition.files import matrices as matrix_files
 from ema import store
 from ema.contact.catalogue import CATALOGUE
+from ema.contact.rough import ROUGH, growth_exponent, rough_normal_contact, rough_stiffness
 from ema.data import (
     BeamModel,
     Damping,
@@ -175,12 +176,19 @@ def law_of(table: tables.LawTable) -> FrictionLaw:
         ]
     else:
         parameters = [(f"p{n}", value) for n, value in enumerate(table.parameters or ())]
+    exponent = table.stiffness_exponent
+    if table.name in ROUGH:
+        separation = dict(parameters).get("separation")
+        exponent = growth_exponent(separation)
+        if table.summit_deviation is not None:
+            stated = () if table.poisson is None else (table.poisson,)
+            stiffness = rough_stiffness(table.reference_force, table.summit_deviation, separation, *stated)
     return FrictionLaw(
         table.name,
         table.friction_coefficient,
         stiffness,
         tuple(parameters),
-        table.stiffness_exponent,
+        exponent,
         table.reference_force,
         table.stiffness_cap,
         table.isotropic,
@@ -212,7 +220,7 @@ def _joint(model: tables.ModelFile, number: int, reader: _Reader, plain: Joint |
             pairs = tuple(zip(table.host_nodes, table.beam_nodes, strict=True))
         heights = tuple(table.half_heights) if table.half_heights else _half_heights(model, plain)
         normal = table.normal_stiffness or (plain.normal_stiffness if plain else None)
-        if normal is None and table.normal_contact.name == "curve":
+        if normal is None and table.normal_contact.name in ("curve", "rough"):
             normal = 1.0  # the curve takes its place
         if normal is None:
             raise InputError("a joint lacks its normal_stiffness", expected='a stiffness such as "1e9 N/m"')
@@ -238,6 +246,8 @@ def _joint(model: tables.ModelFile, number: int, reader: _Reader, plain: Joint |
 
 
 def _contact(table: tables.ContactTable) -> NormalContact:
+    if table.name == "rough" and table.summit_deviation is not None:
+        return rough_normal_contact(table.summit_deviation, table.reference_force, table.separation)
     points = tuple((point.penetration, point.force) for point in table.points)
     return NormalContact(table.name, table.exponent, table.reference_force, points)
 

@@ -31,6 +31,7 @@ from acquisition.quantities import (
     in_si,
 )
 from ema.contact.catalogue import CATALOGUE
+from ema.contact.rough import ROUGH
 from ema.tables import FileKind, Table, warn
 
 FILE_NAME = "model.toml"
@@ -153,19 +154,24 @@ class LawTable(Table):
     force_shares: list[Annotated[float, Field(ge=0)]] | None = None
     bristle_damping: Damping | None = None
     viscous: Damping | None = None
+    summit_deviation: Length | None = None
+    poisson: float | None = Field(default=None, gt=-1, le=0.5)
+    separation: float | None = Field(default=None, gt=0, le=6)
     static_ratio: float | None = Field(default=None, ge=1)
     stribeck_velocity: Velocity | None = None
     parameters: list[float] | None = Field(default=None, max_length=4)
 
     @model_validator(mode="after")
     def _complete(self) -> "LawTable":
-        own = LAW_PARAMETERS.get(self.name, ("parameters",))
-        every = {key for keys in LAW_PARAMETERS.values() for key in keys} | {"parameters"}
+        own = LAW_PARAMETERS.get(self.name, ("parameters",)) + INSTEAD.get(self.name, ())
+        every = {key for part in (LAW_PARAMETERS, INSTEAD) for keys in part.values() for key in keys} | {"parameters"}
         strange = sorted((self.model_fields_set & every) - set(own))
         if strange:
             known = ", ".join(own) or "none of its own"
             raise ValueError(f"{strange[0]!r} is no parameter of the law {self.name!r}; it has {known}")
-        if self.contact_stiffness is None and self.name != "coulomb":
+        if self.name in ROUGH:
+            self._rough()
+        elif self.contact_stiffness is None and self.name != "coulomb":
             raise ValueError('a law needs a contact_stiffness such as "1e9 N/m"; only coulomb may go without')
         if self.name == "iwan" and (self.chi or 0.0) > 0:
             raise ValueError(f"chi = {self.chi:g} is above 0, where the law 'iwan' ends; take 'modified iwan'")
@@ -178,11 +184,28 @@ class LawTable(Table):
                 raise ValueError("every spring has a stiffness share and a force share")
         return self
 
+    def _rough(self) -> None:
+        if (self.contact_stiffness is None) == (self.summit_deviation is None):
+            raise ValueError(
+                f'the law {self.name!r} needs a summit_deviation such as "1 um", or the contact_stiffness at its '
+                "reference_force; one of them"
+            )
+        if self.poisson is not None and self.summit_deviation is None:
+            raise ValueError("poisson goes with summit_deviation; a contact_stiffness has it in it")
+        if "separation" in LAW_PARAMETERS[self.name] and self.separation is None:
+            raise ValueError(f"the law {self.name!r} needs a separation such as 3; rough contact goes without")
+        for key in sorted(self.model_fields_set & {"stiffness_exponent", "stiffness_cap"}):
+            raise ValueError(f"{key!r} follows from the heights of the law {self.name!r}; leave it out")
+
 
 LAW_PARAMETERS: dict[str, tuple[str, ...]] = {
     name: tuple(parameter.key for parameter in law.parameters) for name, law in CATALOGUE.items()
 }
 """The parameters of the built-in laws; a law of the user's own has ``parameters``."""
+INSTEAD: dict[str, tuple[str, ...]] = {
+    name: tuple(parameter.key for parameter in law.instead) for name, law in CATALOGUE.items() if law.instead
+}
+"""What may be stated in the place of the contact stiffness."""
 
 
 class PointTable(Table):
@@ -195,19 +218,28 @@ class PointTable(Table):
 class ContactTable(Table):
     """``[joints.normal_contact]``: how the surfaces resist being pressed together."""
 
-    name: Literal["linear", "power", "curve"] = "linear"
+    name: Literal["linear", "power", "curve", "rough"] = "linear"
     exponent: float = Field(default=1.0, ge=1)
     reference_force: Annotated[float, in_si("force"), Field(gt=0)] = 1000.0
     points: list[PointTable] = []
+    summit_deviation: Length | None = None
+    separation: float | None = Field(default=None, gt=0, le=6)
 
     @model_validator(mode="after")
     def _complete(self) -> "ContactTable":
-        own = {"linear": set(), "power": {"exponent", "reference_force"}, "curve": {"points"}}[self.name]
+        own = {
+            "linear": set(),
+            "power": {"exponent", "reference_force"},
+            "curve": {"points"},
+            "rough": {"summit_deviation", "reference_force", "separation"},
+        }[self.name]
         strange = sorted(self.model_fields_set - own - {"name"})
         if strange:
             raise ValueError(f"{strange[0]!r} says nothing about a {self.name} contact")
         if self.name == "curve" and len(self.points) < 2:
             raise ValueError('a curve has two points or more: points = [{ penetration = "0 um", force = "0 N" }, ...]')
+        if self.name == "rough" and self.summit_deviation is None:
+            raise ValueError('a rough contact needs a summit_deviation such as "1 um"')
         return self
 
 

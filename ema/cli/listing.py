@@ -1,6 +1,7 @@
 """Lists that people and machines read: file formats, and what the doctor found."""
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import Any
 
 from rich.console import Console
@@ -9,7 +10,7 @@ from rich.text import Text
 
 from ema.cli.doctor import Check
 from ema.cli.screen import table
-from ema.contact.catalogue import KnownLaw
+from ema.contact.catalogue import KnownLaw, Parameter
 from ema.messages import Kind
 
 
@@ -58,19 +59,21 @@ def laws_as_list(laws: Sequence[KnownLaw]) -> list[dict[str, Any]]:
             "name": law.name,
             "constructor": f"ema.simulate.{law.constructor}" if law.constructor else None,
             "meaning": law.meaning,
-            "parameters": [
-                {
-                    "name": one.key,
-                    "unit": one.unit,
-                    "default": None if one.several else one.default,
-                    "limits": one.limits,
-                    "meaning": one.meaning,
-                }
-                for one in law.parameters
-            ],
+            "parameters": [_parameter(one) for one in law.parameters],
+            "instead_of_contact_stiffness": [_parameter(one) for one in law.instead],
         }
         for law in laws
     ]
+
+
+def _parameter(one: Parameter) -> dict[str, Any]:
+    return {
+        "name": one.key,
+        "unit": one.unit,
+        "default": one.default if isfinite(one.default) else None,
+        "limits": one.limits,
+        "meaning": one.meaning,
+    }
 
 
 def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
@@ -87,8 +90,13 @@ def laws_as_table(laws: Sequence[KnownLaw]) -> Table:
     for law in laws:
         rows.append((law.name, "", "", "", "", law.meaning))
         for one in law.parameters:
-            default = "one per spring" if one.several else f"{one.default:g}"
+            default = "one per spring" if one.several else f"{one.default:g}" if isfinite(one.default) else ""
             rows.append(("", one.key, one.unit, default, one.limits, one.meaning))
+        for one in law.instead:
+            default = f"{one.default:g}" if isfinite(one.default) else ""
+            rows.append(
+                ("", one.key, one.unit, default, one.limits, f"{one.meaning}; in the place of contact_stiffness")
+            )
     caption = "A law of your own: ema.simulate.register_law, docs/laws.md."
     return table(names, rows, left=names, whole=names[:3], caption=caption)
 

@@ -47,7 +47,7 @@ class KnownLaw:
     """A built-in law: its name, the compiled function that takes its increments, its parameters, its source.
 
     ``plane``: that for isotropic friction in two directions. ``above``: the parameter, if any, that states the largest
-    friction force of slow motion over F_C.
+    friction force of slow motion over F_C. ``instead``: what a file may state in the place of k_T.
     """
 
     name: str
@@ -57,10 +57,22 @@ class KnownLaw:
     meaning: str
     plane: str = PROJECTED
     above: str = ""
+    instead: tuple[Parameter, ...] = ()
 
 
 _BETA = Parameter("beta", "-", 1.0, "stiffness of the spring that slips last over that of the others", open_below=False)
 _SPRINGS = Parameter("springs", "-", 60.0, "Masing springs that stand for the continuum", low=2.0, open_below=False)
+_SEPARATION = Parameter(
+    "separation",
+    "-",
+    float("nan"),
+    "of the mean of the heights at the reference force, over their deviation; to be stated",
+    high=6.0,
+)
+_SURFACE = (
+    Parameter("summit deviation", "m", float("nan"), "standard deviation of the summit heights"),
+    Parameter("poisson", "-", 0.3, "Poisson's ratio of both bodies", low=-1.0, high=0.5),
+)
 CATALOGUE: dict[str, KnownLaw] = {
     law.name: law
     for law in (
@@ -111,6 +123,24 @@ CATALOGUE: dict[str, KnownLaw] = {
             ),
             "the same with any power; the stiffness is finite for chi above -1",
             "plane_springs",
+        ),
+        KnownLaw(
+            "rough contact",
+            "rough",
+            "RoughContact",
+            (_SPRINGS,),
+            "exponential heights of Hertzian summits (Greenwood and Williamson 1966) that slip each (Mindlin 1949)",
+            "plane_rough",
+            instead=_SURFACE,
+        ),
+        KnownLaw(
+            "gaussian rough contact",
+            "rough",
+            "RoughContact",
+            (_SEPARATION, _SPRINGS),
+            "the same with Gaussian heights",
+            "plane_rough",
+            instead=_SURFACE,
         ),
         KnownLaw(
             "regularised masing",

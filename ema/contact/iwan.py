@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from ema.contact.rough import ROUGH, rough_springs
 from ema.data import FrictionLaw
 
 
@@ -15,6 +16,8 @@ def springs_of(law: FrictionLaw) -> tuple[Float[np.ndarray, "spring"], Float[np.
             np.array([values[f"stiffness share {n}"] for n in range(count)]),
             np.array([values[f"force share {n}"] for n in range(count)]),
         )
+    if law.name in ROUGH:
+        return rough_springs(int(values["springs"]), values.get("separation"))
     if law.name in ("iwan", "modified iwan"):
         return iwan_springs(values["chi"], values["beta"], int(values["springs"]))
     return np.ones(1), np.ones(1)

@@ -14,6 +14,7 @@ from ema.contact.catalogue import CATALOGUE, PROJECTED
 from ema.contact.contract import broken
 from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import springs_of
+from ema.contact.rough import ROUGH, bed
 from ema.data import FrictionLaw
 from ema.errors import InputError
 from ema.own_functions import LawName
@@ -35,11 +36,12 @@ REGISTERED: dict[str, OwnLaw] = {}
 _OWN = 4
 """Parameters that the function of such a law takes, p0 to p3."""
 
-_MODULES = {"spring": "springs", "own_in_steps": "own"} | dict.fromkeys(
+_MODULES = {"spring": "springs", "rough": "springs", "own_in_steps": "own"} | dict.fromkeys(
     (law.plane for law in CATALOGUE.values()), "plane"
 )
-_ELASTIC, _STATES = ("spring", "springs"), {"bouc_wen": 3, "lugre": 3, "plane_lugre": 3, "normal": 2}
-_SPRINGS, _ABOVE = ("springs", "plane_springs"), ("lugre", "plane_lugre")
+_ELASTIC, _STATES = ("spring", "springs", "rough"), {"bouc_wen": 3, "lugre": 3, "plane_lugre": 3, "normal": 2}
+_ROUGH, _ABOVE = ("rough", "plane_rough"), ("lugre", "plane_lugre")
+_SPRINGS = ("springs", "plane_springs", *_ROUGH)
 """Functions for many springs, and those whose forces may stay above a slip force that falls."""
 _LEAST = 1e-3
 """Slip force over that at rest below which an open contact is taken as just closed, where derivatives are made."""
@@ -95,7 +97,7 @@ class ContactLaws:
     @property
     def elastic_reach(self) -> bool:
         """Whether every contact is elastic up to a force of its own, below which it loses nothing."""
-        return self.couplings is None and all(name in _ELASTIC for name, *_ in self.groups)
+        return self.couplings is None and all(name in _ELASTIC and name not in _ROUGH for name, *_ in self.groups)
 
     def arguments(self) -> tuple[Any, ...]:
         """What the kernels take; the functions are compiled by now, or read from the cache."""
@@ -170,8 +172,14 @@ class ContactLaws:
             if name in _ELASTIC:
                 counts[first:end] = count = max(own, 1)
                 whole = self.stiffness[first:end, None]
+                if name in _ROUGH:
+                    # those that touch at rest, and of these slip forces in N
+                    counts[first:end] = count = int(self.parameters[first, 2 * count])
+                    tops = self.parameters[first:end, own : own + count]
+                    shares_f[first:end, :count] = tops / np.maximum(tops.sum(axis=1, keepdims=True), 1e-300)
+                else:
+                    shares_f[first:end, :count] = self.capacity[first:end, :count]
                 shares_k[first:end, :count] = 1 / (self.flexibility[first:end, :count] * whole)
-                shares_f[first:end, :count] = self.capacity[first:end, :count]
                 least[first:end] = (self.flexibility[first:end, :count] * shares_f[first:end, :count]).min(axis=1)
         return counts, shares_k, shares_f, least
 
@@ -253,6 +261,14 @@ def check_parameters(law: FrictionLaw) -> None:
             got=", ".join(names) or "none",
             expected=", ".join(own),
             advice="make it by its constructor in ema.simulate",
+        )
+    if law.name in ROUGH and not (law.stiffness_exponent > 0 and law.stiffness_cap == np.inf):
+        raise InputError(
+            "the stiffness of a rough contact follows its normal force",
+            where=f"law {law.name}",
+            got=f"stiffness_exponent {law.stiffness_exponent:g}, stiffness_cap {law.stiffness_cap:g} N/m",
+            expected="an exponent above 0 (1 for exponential heights) and no cap",
+            advice="make it by ema.simulate.RoughContact",
         )
     if law.name in REGISTERED and len(names) > _OWN:
         raise InputError(
@@ -364,7 +380,9 @@ def assembled(
         if partner[i] >= 0:
             across = partner[i] - i
             name = CATALOGUE[law.name].plane if law.name in CATALOGUE else PROJECTED
-        if name in _SPRINGS:
+        if name in _ROUGH:
+            extra, values = bed(law, float(k))
+        elif name in _SPRINGS:
             shares, force_shares = springs[id(law)]
             extra, values = len(shares), np.concatenate([k * shares, force_shares])
         elif line == "bouc_wen":
@@ -434,7 +452,10 @@ def _bounds(
     for name, first, end, own, across, _ in groups:
         for i in [*range(first, end), *(range(first + across, end + across) if across else ())]:
             flexibility[i, 0], capacity[i, 0] = 1 / stiffness[i], np.inf if name in _ABOVE else 1.0
-            if name in _SPRINGS:
+            if name in _ROUGH:
+                # what its springs bear falls otherwise than in proportion: the law itself brings their forces down
+                flexibility[i, :own], capacity[i] = 1 / rows[i][:own], np.inf
+            elif name in _SPRINGS:
                 flexibility[i, :own], capacity[i, :own] = 1 / rows[i][:own], rows[i][own:]
             elif name == "normal":
                 flexibility[i], capacity[i] = 0.0, np.inf

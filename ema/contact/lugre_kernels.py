@@ -22,7 +22,10 @@ def lugre(group, rate, tables, exchange, states):
             sign = 1.0 if way >= 0.0 else -1.0
             end = 0.5 * rate * (3.0 * way - before[i, 2])
             top = limit * (1.0 + peak * np.exp(-((way * rate / stribeck) ** 2)))
-            bristle = before[i, 0] + (before[i, 0] - sign * top) * np.expm1(-k * abs(way) / top)
+            # bristles bear F_S at most, also where the normal force fell while nothing moved
+            most = limit * (1.0 + peak)
+            held = min(max(before[i, 0], -most), most)
+            bristle = held + (held - sign * top) * np.expm1(-k * abs(way) / top)
             top_end = limit * (1.0 + peak * np.exp(-((end / stribeck) ** 2)))
             force = bristle + damping * (end - abs(end) * bristle / top_end) + viscous * end
             slope = k * (1.0 - sign * bristle / top) * (1.0 - damping * abs(end) / top_end)

@@ -24,6 +24,7 @@ from ema.contact.call_kernels import (
     WAY,
     increments,
 )
+from ema.contact.springs_kernels import bed, deeper
 
 _LONGEST = 0.06
 """Way in F_C/k_T of a Runge-Kutta step of Eq. (5) with m up to 8: it errs by about 1e-8 of F_C then."""
@@ -81,26 +82,42 @@ def circle_step(k, top, way, force):
     return (top * (cosine * dx - sine * dy), top * (cosine * dy + sine * dx)), (mx * vx, mx * vy, my * vx, my * vy)
 
 
+@inner
+def _in_parallel(springs, bearing, lanes, exchange, states):
+    """Springs of one contact, each with its circle; those from ``touching`` on are no part of k_T."""
+    (stiffness, tops), (share, depth, touching), (i, j), (before, after) = springs, bearing, lanes, states
+    way = exchange[WAY, i], exchange[WAY, j]
+    sx, sy, fx, fy, ex, ey = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
+    for n in range(len(stiffness)):
+        k, start = stiffness[n], (before[i, n], before[j, n])
+        force, slopes = circle_step(k, max(share * tops[n] + depth * k, 0.0), way, start)
+        after[i, n], after[j, n] = force
+        sx, sy, fx, fy = sx + start[0], sy + start[1], fx + force[0], fy + force[1]
+        # exactly zero where it sticks
+        stuck = k if n < touching else 0.0
+        ex, ey = ex + (force[0] - (start[0] + stuck * way[0])), ey + (force[1] - (start[1] + stuck * way[1]))
+        xx, xy, yx, yy = xx + slopes[0], xy + slopes[1], yx + slopes[2], yy + slopes[3]
+    give(exchange, lanes, (sx, sy), (fx, fy), (xx, xy, yx, yy))
+    exchange[EXCESS, i], exchange[EXCESS, j] = ex, ey
+
+
 @kernel
 def plane_springs(group, rate, tables, exchange, states):
     """Masing springs in parallel, each with its circle; ``parameters``: as those of ``springs``."""
-    (parameters, _), (before, after) = tables, states
-    count, across = group[OWN], group[ACROSS]
+    parameters, count = tables[0], group[OWN]
     for i in range(group[FIRST], group[END]):
-        j = i + across
-        limit, way = exchange[LIMIT, i], (exchange[WAY, i], exchange[WAY, j])
-        sx, sy, fx, fy, ex, ey = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
-        for n in range(count):
-            k, start = parameters[i, n], (before[i, n], before[j, n])
-            force, slopes = circle_step(k, limit * parameters[i, count + n], way, start)
-            after[i, n], after[j, n] = force
-            sx, sy, fx, fy = sx + start[0], sy + start[1], fx + force[0], fy + force[1]
-            # exactly zero where it sticks
-            ex, ey = ex + (force[0] - (start[0] + k * way[0])), ey + (force[1] - (start[1] + k * way[1]))
-            xx, xy, yx, yy = xx + slopes[0], xy + slopes[1], yx + slopes[2], yy + slopes[3]
-        give(exchange, (i, j), (sx, sy), (fx, fy), (xx, xy, yx, yy))
-        exchange[EXCESS, i], exchange[EXCESS, j] = ex, ey
+        pair = parameters[i, :count], parameters[i, count : 2 * count]
+        _in_parallel(pair, (exchange[LIMIT, i], 0.0, count), (i, i + group[ACROSS]), exchange, states)
+
+
+@kernel
+def plane_rough(group, rate, tables, exchange, states):
+    """Springs that touch at depths of their own, each with its circle; ``parameters``: as those of ``rough``."""
+    for i in range(group[FIRST], group[END]):
+        pair, touching = bed(tables[0][i], group[OWN])
+        bearing = 1.0, deeper(pair, touching, exchange[LIMIT, i]), touching
+        _in_parallel(pair, bearing, (i, i + group[ACROSS]), exchange, states)
 
 
 @inner
@@ -192,6 +209,14 @@ def plane_regularised(group, rate, tables, exchange, states):
 
 
 @inner
+def within(force, top):
+    """The force, straight back on the circle of radius ``top`` where it is beyond it, as the slip force fell."""
+    size = np.sqrt(force[0] * force[0] + force[1] * force[1])
+    share = top / size if size > top else 1.0
+    return force[0] * share, force[1] * share
+
+
+@inner
 def approach_step(k, limit, alpha, way, force):
     """Dahl: dF = k |d - F/F_C|^(alpha - 1) (d - F/F_C) |du|, straight towards F_C d with d the direction of motion."""
     if limit <= 0.0:
@@ -229,7 +254,8 @@ def plane_dahl(group, rate, tables, exchange, states):
     for i in range(group[FIRST], group[END]):
         j = i + group[ACROSS]
         way, start = (exchange[WAY, i], exchange[WAY, j]), (before[i, 0], before[j, 0])
-        force, slopes = approach_step(exchange[STIFFNESS, i], exchange[LIMIT, i], parameters[i, 0], way, start)
+        limit = exchange[LIMIT, i]
+        force, slopes = approach_step(exchange[STIFFNESS, i], limit, parameters[i, 0], way, within(start, limit))
         after[i, 0], after[j, 0] = force
         give(exchange, (i, j), start, force, slopes)
 
@@ -248,7 +274,7 @@ def plane_lugre(group, rate, tables, exchange, states):
         mean = np.sqrt(ux * ux + uy * uy) * rate
         top = limit * (1.0 + peak * np.exp(-((mean / stribeck) ** 2)))
         (zx, zy), (xx, xy, yx, yy) = approach_step(
-            exchange[STIFFNESS, i], top, 1.0, (ux, uy), (before[i, 0], before[j, 0])
+            exchange[STIFFNESS, i], top, 1.0, (ux, uy), within((before[i, 0], before[j, 0]), limit * (1.0 + peak))
         )
         fx, fy = zx, zy
         if limit > 0.0 and rate > 0.0:

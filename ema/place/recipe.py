@@ -282,7 +282,17 @@ class PlaceRecipe(Table):
         return Objective(table.aim, table.over_levels, weights, table.robust)
 
 
-LAWS = ("masing", "iwan", "modified iwan", "regularised masing", "dahl", "valanis", "bouc wen")
+LAWS = (
+    "masing",
+    "iwan",
+    "modified iwan",
+    "rough contact",
+    "gaussian rough contact",
+    "regularised masing",
+    "dahl",
+    "valanis",
+    "bouc wen",
+)
 """Laws with a describing function whose parameters are plain numbers."""
 KIND = FileKind(
     table=PlaceRecipe,

@@ -6,6 +6,7 @@ from ema.elements import plate_matrices as plate_matrices
 from ema.simulate.branches import frf_up_and_down as frf_up_and_down
 from ema.simulate.contact import ContactCurve as ContactCurve
 from ema.simulate.contact import PowerContact as PowerContact
+from ema.simulate.contact import RoughNormalContact as RoughNormalContact
 from ema.simulate.contact import Unilateral as Unilateral
 from ema.simulate.contact import own_contact as own_contact
 from ema.simulate.contact import preload as preload
@@ -22,6 +23,7 @@ from ema.simulate.friction import Masing as Masing
 from ema.simulate.friction import ModifiedIwan as ModifiedIwan
 from ema.simulate.friction import ParallelMasing as ParallelMasing
 from ema.simulate.friction import RegularisedMasing as RegularisedMasing
+from ema.simulate.friction import RoughContact as RoughContact
 from ema.simulate.friction import Valanis as Valanis
 from ema.simulate.friction import register_law as register_law
 from ema.simulate.friction_rig import FrictionRig as FrictionRig

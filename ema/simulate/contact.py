@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ema.contact.rough import rough_normal_contact
 from ema.data import BeamModel, ContactPressure, Finding, Joint, NormalContact
 from ema.errors import FailureError, InputError
+from ema.simulate.checks import positive
 
 LINEAR = "linear"
 _NAMES = (LINEAR, "power", "curve")
@@ -106,6 +108,55 @@ def ContactCurve(penetrations: Sequence[float], forces: Sequence[float]) -> Norm
     contact = NormalContact("curve", points=tuple((float(x), float(f)) for x, f in zip(penetrations, forces)))
     check_normal_contact(contact, "normal contact")
     return contact
+
+
+def RoughNormalContact(
+    summit_deviation: float, reference_force: float = 1000.0, separation: float | None = None
+) -> NormalContact:
+    """Return the normal contact of two rough surfaces, with the summits of :func:`ema.simulate.RoughContact`.
+
+    With exponential heights k_N = F_N/s at any normal force. It parts at 1e-4 of the ``reference_force``, 9.2 s before
+    that is reached: a structure that resists being pressed together so far takes its part of the preload. The joint's
+    ``normal_stiffness`` is not used.
+
+    Parameters
+    ----------
+    summit_deviation : float
+        s, standard deviation of the heights of the summits of both surfaces [m].
+    reference_force : float, default 1000.0
+        Normal force [N] of the whole joint, about that of the preload: forces up to 100 times of it are followed;
+        beyond them the stiffness stays.
+    separation : float, optional
+        With Gaussian heights: distance of their mean from the opposite plane at the ``reference_force``, over s, above
+        0 up to 6. By default the heights are exponential.
+
+    Returns
+    -------
+    NormalContact
+        The normal contact, as a curve.
+
+    Raises
+    ------
+    InputError
+        If a number is outside these limits.
+
+    References
+    ----------
+    .. [1] Greenwood and Williamson (1966), Contact of nominally flat surfaces, Proceedings of the Royal Society A
+       295:300.
+
+    Examples
+    --------
+    >>> contact = RoughNormalContact(1e-6)
+    >>> depths, forces = np.array(contact.points).T
+    >>> round(float(np.interp(1000.0, forces, np.gradient(forces, depths))) / 1e9, 2)  # F_N/s in N/nm
+    1.0
+    """
+    where = "rough normal contact"
+    positive(where, summit_deviation=summit_deviation, reference_force=reference_force)
+    if separation is not None and not 0 < separation <= 6:
+        raise InputError("not a separation", where=where, got=separation, expected="above 0 and up to 6")
+    return rough_normal_contact(summit_deviation, reference_force, separation)
 
 
 def own_contact(function: Callable[[float], float], deepest: float, points: int = 400) -> NormalContact:

@@ -90,7 +90,7 @@ def test_a_damaged_kept_place_is_computed_again(done):
     assert json.loads(again.stdout)["places"] == json.loads(first.stdout)["places"]
 
 
-@pytest.mark.parametrize("law", ["modified iwan", "valanis", "bouc wen"])
+@pytest.mark.parametrize("law", ["modified iwan", "rough contact", "valanis", "bouc wen"])
 def test_every_law_that_depends_on_displacements_alone_is_placed(tmp_path, law):
     recipe = write_recipe(tmp_path, RECIPE.replace('name = "masing"', f'name = "{law}"', 1))
     assert place_recipe.load(recipe).bolted_joint().law.name == law

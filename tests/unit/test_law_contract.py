@@ -18,6 +18,7 @@ from ema.simulate import (
     ModifiedIwan,
     ParallelMasing,
     RegularisedMasing,
+    RoughContact,
     Section,
     Valanis,
     double_beam,
@@ -39,6 +40,7 @@ BUILT_IN = [
         for springs in (2, 60)
     ),
     *(ModifiedIwan(MU, K, chi) for chi in (0.5, 1.0)),
+    *(RoughContact(MU, 1e-6, 0.3, t, springs) for t in (None, 0.5, 3.0, 6.0) for springs in (2, 60)),
     *(RegularisedMasing(MU, K, m) for m in (0.05, 1.0, 8.0, 100.0)),
     *(BoucWen(MU, K, n, gamma) for n in (0.05, 1.0, 8.0, 60.0) for gamma in (-1.0, 0.0, 0.3, 0.5)),
     *(Dahl(MU, K, shape) for shape in (0.05, 0.5, 1.0, 2.0, 10.0)),

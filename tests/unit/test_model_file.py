@@ -25,6 +25,8 @@ from ema.simulate import (
     ModifiedIwan,
     ParallelMasing,
     RegularisedMasing,
+    RoughContact,
+    RoughNormalContact,
     Valanis,
     beam,
     double_beam,
@@ -201,6 +203,57 @@ def test_laws_are_those_of_the_constructors(text, law):
     assert law_of(model_file.LawTable(**table)) == law
 
 
+ROUGH = 'name = "rough contact"\nfriction_coefficient = 0.3\n'
+GAUSSIAN = ROUGH.replace("rough", "gaussian rough")
+
+
+@pytest.mark.parametrize(
+    ("text", "law"),
+    [
+        (ROUGH + 'summit_deviation = "1 um"', RoughContact(0.3, 1e-6)),
+        (
+            ROUGH + 'summit_deviation = "2 um"\npoisson = 0.25\nsprings = 90\nreference_force = "2 kN"',
+            RoughContact(0.3, 2e-6, 0.25, springs=90, reference_force=2000.0),
+        ),
+        (GAUSSIAN + 'summit_deviation = "1 um"\nseparation = 3', RoughContact(0.3, 1e-6, separation=3.0)),
+        (
+            GAUSSIAN + 'contact_stiffness = "1e9 N/m"\nseparation = 2',
+            replace(RoughContact(0.3, 1e-6, separation=2.0), contact_stiffness=1e9),
+        ),
+    ],
+)
+def test_rough_surfaces_by_their_heights(text, law):
+    import tomllib
+
+    assert law_of(model_file.LawTable(**tomllib.loads(text))) == law
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (ROUGH, "needs a summit_deviation .* or the contact_stiffness"),
+        (ROUGH + 'summit_deviation = "1 um"\ncontact_stiffness = "1e9 N/m"', "one of them"),
+        (ROUGH + 'contact_stiffness = "1e9 N/m"\npoisson = 0.3', "poisson goes with summit_deviation"),
+        (
+            ROUGH + 'summit_deviation = "1 um"\nstiffness_exponent = 0.5',
+            "'stiffness_exponent' follows from the heights",
+        ),
+        (
+            ROUGH + 'summit_deviation = "1 um"\nseparation = 3',
+            "'separation' is no parameter of the law 'rough contact'",
+        ),
+        (GAUSSIAN + 'summit_deviation = "1 um"', "needs a separation such as 3"),
+        (ROUGH + 'summit_deviation = "1 N"', "not a displacement"),
+        (ROUGH.replace("rough contact", "masing") + 'summit_deviation = "1 um"', "no parameter of the law 'masing'"),
+    ],
+)
+def test_rough_surfaces_that_are_none_get_a_sentence(text, words):
+    import tomllib
+
+    with pytest.raises(ValueError, match=words):
+        model_file.LawTable(**tomllib.loads(text))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -258,11 +311,16 @@ def test_normal_contact(tmp_path):
     power = 'area = "15 cm^2"\n[joints.normal_contact]\nname = "power"\nexponent = 1.5\nreference_force = "2 kN"\n'
     (joint,) = opened(tmp_path, HOST + REST.replace("[law]", power + "[law]")).joints
     assert joint.normal_contact == NormalContact("power", 1.5, 2000.0) and joint.area == pytest.approx(1.5e-3)
+    rough = '[joints.normal_contact]\nname = "rough"\nsummit_deviation = "1 um"\nreference_force = "2 kN"\n'
+    (joint,) = opened(tmp_path, HOST + REST.replace("[law]", rough + "[law]")).joints
+    assert joint.normal_contact == RoughNormalContact(1e-6, 2000.0)
     curve = '[joints.normal_contact]\nname = "curve"\npoints = [{ penetration = "0 um", force = "0 N" }, '
     curve += '{ penetration = "5 um", force = "1 kN" }]\n'
     (joint,) = opened(tmp_path, HOST + REST.replace("[law]", curve + "[law]")).joints
     assert np.array(joint.normal_contact.points) == pytest.approx(np.array([[0.0, 0.0], [5e-6, 1000.0]]))
     for text, words in (
+        (rough.replace('summit_deviation = "1 um"\n', ""), 'needs a summit_deviation such as "1 um"'),
+        (rough.replace("rough", "power"), "'summit_deviation' says nothing about a power contact"),
         (power.replace("power", "linear"), "'exponent' says nothing about a linear contact"),
         (curve.split("points")[0], "two points or more"),
         (power.replace("1.5\n", "0.5\n"), "greater than or equal to 1"),

@@ -10,7 +10,18 @@ from hypothesis import strategies as st
 
 from ema.contact.laws import contact_laws
 from ema.errors import InputError
-from ema.simulate import Coulomb, Dahl, Iwan, LuGre, Masing, ParallelMasing, RegularisedMasing, loop, register_law
+from ema.simulate import (
+    Coulomb,
+    Dahl,
+    Iwan,
+    LuGre,
+    Masing,
+    ParallelMasing,
+    RegularisedMasing,
+    RoughContact,
+    loop,
+    register_law,
+)
 from ema.simulate.friction import iwan_springs
 from ema.simulate.loops import drive
 from tests.closed_forms import iwan_area
@@ -26,6 +37,7 @@ LAWS = [
     Iwan(MU, K),
     ParallelMasing(MU, K, [0.5, 0.5], [0.2, 0.8]),
     LuGre(MU, K),
+    RoughContact(MU, 1e-4, separation=2.0, reference_force=FN),
 ]
 
 

@@ -22,6 +22,7 @@ from ema.simulate import (
     ModifiedIwan,
     ParallelMasing,
     RegularisedMasing,
+    RoughContact,
     Valanis,
     controlled_snapback,
     double_beam,
@@ -50,6 +51,7 @@ LAWS = {
     "coulomb": lambda: Coulomb(MU, 10 * K),
     "parallel masing": lambda: ParallelMasing(MU, K, *SHARES),
     "iwan": lambda: Iwan(MU, K, springs=20),
+    "rough contact": lambda: RoughContact(MU, 300 / K, springs=20, reference_force=300.0),
     "regularised masing, m = 8": lambda: RegularisedMasing(MU, K, 8.0),
     "regularised masing, m = 1.5": lambda: RegularisedMasing(MU, K, 1.5),
     "bouc wen": lambda: BoucWen(MU, K, 1.5, -0.3),
@@ -59,7 +61,7 @@ LAWS = {
     "lugre": lambda: LuGre(MU, K, 30.0, 5.0, 1.3, 1e-3),
     "a user's own": lambda: register_law("clip of the energy table", clip)(MU, K),
 }
-PIECEWISE = ("masing", "coulomb", "parallel masing", "iwan", "modified iwan")
+PIECEWISE = ("masing", "coulomb", "parallel masing", "iwan", "modified iwan", "rough contact")
 DURATION, RATE = 0.03, 5000.0
 TIMES = np.arange(round(DURATION * RATE) + 1) / RATE
 

@@ -21,6 +21,7 @@ from ema.simulate import (
     Masing,
     PowerContact,
     RegularisedMasing,
+    RoughContact,
     Unilateral,
     Valanis,
     frf,
@@ -37,6 +38,7 @@ LAWS = [
     Dahl(1.0, K),
     Iwan(1.0, K, -0.5, 1.0, 12),
     LuGre(1.0, K, 5.0, 1.0, 1.2, 1e-2),
+    RoughContact(1.0, FC / K, springs=12, reference_force=FC),
 ]
 BOTH, ONE = ("X", "Y"), ("X",)
 
