@@ -12,6 +12,7 @@ from ema.cli.common import status, write_csv
 from ema.errors import InputError
 
 if TYPE_CHECKING:
+    from ema.cli.prediction_request import FromLevels, Wanted
     from ema.data import (
         AmplitudeDependentMode,
         AmplitudeDraws,
