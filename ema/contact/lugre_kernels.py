@@ -24,8 +24,8 @@ def lugre(group, rate, tables, exchange, states):
             top = limit * (1.0 + peak * np.exp(-((way * rate / stribeck) ** 2)))
             # bristles bear F_S at most, also where the normal force fell while nothing moved
             most = limit * (1.0 + peak)
-            held = min(max(before[i, 0], -most), most)
-            bristle = held + (held - sign * top) * np.expm1(-k * abs(way) / top)
+            bounded = min(max(before[i, 0], -most), most)
+            bristle = bounded + (bounded - sign * top) * np.expm1(-k * abs(way) / top)
             top_end = limit * (1.0 + peak * np.exp(-((end / stribeck) ** 2)))
             force = bristle + damping * (end - abs(end) * bristle / top_end) + viscous * end
             slope = k * (1.0 - sign * bristle / top) * (1.0 - damping * abs(end) / top_end)
