@@ -20,6 +20,9 @@ from ema.units import Quantity
 _FORCE = re.compile(r"(force|hammer|shaker|load ?cell|impact|kraft|(^|[^a-z])(f|fz|fx|fy|ref)([^a-z]|$))", re.I)
 _NORMAL = re.compile(r"(normal|clamp|preload|pre-load|bolt|ring|vorspann|(^|[^a-z])f_?n([^a-z]|$))", re.I)
 _TRIGGER = re.compile(r"(trig|tacho|sync|gate)", re.I)
+_GENERATOR = re.compile(
+    r"(generator|signal ?source|source ?signal|drive ?(signal|volt)|(^|[^a-z])(source|dac|gen)([^a-z]|$))", re.I
+)
 _OTHER = re.compile(r"(temp|counter|^time$|humid|supply|speed|rpm)", re.I)
 _QUANTITIES: tuple[tuple[str, Quantity], ...] = (
     (r"(acc|beschl)", "acceleration"),
@@ -108,6 +111,11 @@ def judge(record: Recording) -> JudgedRecord:
                 f"{judged[forces[0]].name} is called the force and rings like a response, {judged[rival].name} is a "
                 "pulse: force and response may be swapped"
             )
+    generators = [index for index, one in enumerate(judged) if one.role == "generator"]
+    if len(generators) != len(forces):
+        # FRFs are referred to one for each force, or to none
+        for index in generators:
+            judged[index] = replace(judged[index], role="other")
     kind, evidence, band = _excitation(record, rows, forces, judged)
     names = [one.name for one in judged]
     for name in sorted({name for name in names if names.count(name) > 1}):
@@ -153,6 +161,8 @@ def _by_name(channel: Channel, row: Float[np.ndarray, "sample"]) -> Judged:
         role, named, evidence = "trigger", True, "its name"
     elif _OTHER.search(name) or quantity in ("temperature", "time"):
         role, named, evidence = "other", True, "its name"
+    elif quantity in ("unstated", "voltage") and _GENERATOR.search(name) and not _FORCE.search(name):
+        role, named, evidence = "generator", True, "its name"
     elif quantity == "force" or (quantity in ("unstated", "voltage") and _FORCE.search(name)):
         role, quantity, named = "reference", "force", True
         evidence = evidence or "its name"

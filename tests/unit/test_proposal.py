@@ -108,6 +108,19 @@ def test_forces_of_shakers_are_white_and_responses_are_not() -> None:
     assert found.kind == "random"
 
 
+@pytest.mark.parametrize(("name", "role"), [("Source 1", "generator"), ("generator signal", "generator"), ("x", "response")])
+def test_the_signal_of_the_generator_is_known_by_its_name_where_there_is_one_for_each_force(name: str, role: str) -> None:
+    rng = np.random.default_rng(5)
+    drive = rng.normal(size=16384)
+    h = np.exp(-5 * np.arange(4096) / RATE) * np.sin(2 * np.pi * 200 * np.arange(4096) / RATE)
+    force = drive + 0.1 * rng.normal(size=16384)
+    rows = [("force", force, "N"), ("acc", np.convolve(force, h)[:16384], "m/s^2"), (name, drive, "unstated")]
+    assert [one.role for one in judge(recording(*rows)).channels] == ["reference", "response", role]
+    two = judge(recording(*rows, ("generator 2", drive, "unstated")))
+    assert two.channels[3].role == ("other" if role == "generator" else "generator")
+    assert judge(recording(("source force", force, "unstated"), *rows[1:2])).channels[0].role == "reference"
+
+
 def test_a_sweep_is_known_by_its_frequency() -> None:
     t = np.arange(4 * 2048) / RATE
     force = np.sin(2 * np.pi * (20 * t + 0.5 * 70 * t**2))
