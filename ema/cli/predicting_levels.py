@@ -325,14 +325,14 @@ def _print(
         out.print(text, soft_wrap=True)
 
     if at is not None:
-        say(f"{at.name}: medians and 95 % bands, which contain {at.damping.contains}.")
+        say(f"{at.name or 'The mode'}: medians and 95 % bands, which contain {at.damping.contains}.")
         for line in amplitude_lines(at):
             say(f"  {line}")
         for line in (at.statement, *_laws(at)):
             say(line)
     if under is not None:
         found = under.resonances
-        say(f"{found.name}, under forces: medians and 95 % bands, which contain {found.damping.contains}.")
+        say(f"{found.name or 'The mode'}, under forces: medians and 95 % bands, which contain {found.damping.contains}.")
         for line in resonance_lines(found):
             say(f"  {line}")
         say(found.statement)

@@ -346,7 +346,9 @@ def amplitude_statement(
         )
     if len(below):
         parts.append(f"{span(below)} {unit} is {span(bottom / below)} times below the lowest one ({bottom:.3g} {unit})")
-    if inside:
+    if inside == len(at):
+        parts.append(f"{'All' if inside > 1 else 'It'} {'lie' if inside > 1 else 'lies'} between measured levels")
+    elif inside:
         parts.append(f"{inside} of {len(at)} {what} lie between measured levels")
     return "; ".join(parts) + "."
 
