@@ -332,7 +332,9 @@ def _print(
             say(line)
     if under is not None:
         found = under.resonances
-        say(f"{found.name or 'The mode'}, under forces: medians and 95 % bands, which contain {found.damping.contains}.")
+        say(
+            f"{found.name or 'The mode'}, under forces: medians and 95 % bands, which contain {found.damping.contains}."
+        )
         for line in resonance_lines(found):
             say(f"  {line}")
         say(found.statement)

@@ -1,6 +1,7 @@
 """Compiled code of functions of the user's own, kept between processes."""
 
 import ctypes
+import sys
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -40,7 +41,8 @@ def of_numbers(function: Callable[..., float], numbers: int, fingerprint: str) -
     """
     options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True}
     dispatcher: Any = nb.njit(**options)(function)
-    dispatcher._cache = _KeptOfUser(function, dispatcher._compiler, fingerprint)
+    if function.__module__ in sys.modules:  # what is kept names its module, which ``exec`` gives none
+        dispatcher._cache = _KeptOfUser(function, dispatcher._compiler, fingerprint)
     signature = nb.float64(*[nb.float64] * numbers)
     dispatcher.compile(signature)
     made = dispatcher.overloads[signature.args]

@@ -245,6 +245,20 @@ def test_a_law_of_a_file_is_compiled_once_until_it_or_a_helper_changes(folder):
     assert float(python(folder, SAVE)) == 12.5
 
 
+def test_a_law_made_by_exec_under_the_name_of_a_file_is_compiled_by_every_process(folder):
+    text = """
+import pathlib
+from ema.simulate import loop, register_law
+text = "def clip(force, du, k, limit, p0, p1, p2, p3):\\n    return min(max(force + k * du, -limit), limit)\\n"
+pathlib.Path("page.md").write_text(text)
+space = {}
+exec(compile(text, "page.md", "exec"), space)
+print(loop(register_law("clip of a page", space["clip"])(1.0, 1e6), 100.0, 1e-3).forces.max())
+"""
+    assert [float(python(folder, text)) for _ in range(2)] == [100.0, 100.0]
+    assert not list((folder / "__pycache__").glob("page*.nbc"))
+
+
 def test_another_process_imports_the_law_or_says_what_it_lacks(folder, tmp_path_factory):
     python(folder, SAVE)
     assert float(python(folder, RECEIVE)) == 50.0
