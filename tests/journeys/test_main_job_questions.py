@@ -21,7 +21,7 @@ from ema.datasets import fetch_recipe, work_table
 from ema.study import Study
 from tests.unit.report_page import Page
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 ROOT = Path(__file__).parents[2]
 
 
