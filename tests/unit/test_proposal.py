@@ -108,8 +108,12 @@ def test_forces_of_shakers_are_white_and_responses_are_not() -> None:
     assert found.kind == "random"
 
 
-@pytest.mark.parametrize(("name", "role"), [("Source 1", "generator"), ("generator signal", "generator"), ("x", "response")])
-def test_the_signal_of_the_generator_is_known_by_its_name_where_there_is_one_for_each_force(name: str, role: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "role"), [("Source 1", "generator"), ("generator signal", "generator"), ("x", "response")]
+)
+def test_the_signal_of_the_generator_is_known_by_its_name_where_there_is_one_for_each_force(
+    name: str, role: str
+) -> None:
     rng = np.random.default_rng(5)
     drive = rng.normal(size=16384)
     h = np.exp(-5 * np.arange(4096) / RATE) * np.sin(2 * np.pi * 200 * np.arange(4096) / RATE)
