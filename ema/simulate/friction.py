@@ -581,7 +581,7 @@ def register_law(name: str, function: UserFunction) -> Callable[..., FrictionLaw
     >>> law.name
     'jenkins of mine'
     """
-    from ema.contact.own_compiled import of_numbers
+    from ema.compiled import of_numbers
 
     if name in CATALOGUE:
         raise InputError("the name of a built-in law", where="register_law", got=name, expected="a name of your own")
