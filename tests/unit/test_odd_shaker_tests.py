@@ -366,9 +366,9 @@ def test_lines_that_are_left_out_are_not_modelled(monkeypatch):
     """Where a force ends at 60 of 512 Hz they had taken eight ninths of the time."""
     rng, solved, modelled = np.random.default_rng(24), local_model._solved, []
 
-    def counted(parts, powers):
+    def counted(parts, powers, *forces):
         modelled.append(len(powers))
-        return solved(parts, powers)
+        return solved(parts, powers, *forces)
 
     monkeypatch.setattr(local_model, "_solved", counted)
     forces = narrow_forces(rng, 1, 2**15)
