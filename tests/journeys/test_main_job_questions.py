@@ -33,7 +33,7 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Page, StudyR
     if finished.is_dir():  # used again, which it is for equal inputs, code and packages
         shutil.copytree(finished, folder / "work" / "table_placement")
     result = Study.load(recipe, folder / "work").run(resume=True)
-    store.save(result, folder / "table_placement.h5")
+    store.save(folder / "table_placement.h5", result)
     ema.report.write(result, folder / "table_placement.html")
     yield Page(folder / "table_placement.html"), store.load(folder / "table_placement.h5")
 
