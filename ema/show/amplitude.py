@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from ema.data import AmplitudeDependentMode, AmplitudePrediction, NonlinearMode, SteppedLevel
 from ema.errors import InputError
 from ema.messages import mark, text, word
-from ema.show.style import BLUE, SERIES, empty_note, new_figure, one_quantity, styled
+from ema.show.style import BLUE, SERIES, amplitude_label, empty_note, logarithmic, new_figure, one_quantity, styled
 from ema.units import SI_UNIT
 
 _MARKS = (("slip-onset", "--", mark("slip begins")), ("impact-amplitude", "-.", mark("behind the impacts")))
@@ -18,8 +18,6 @@ _STATED = ("stated-frequency", "stated-damping")
 """Findings whose value is a frequency [Hz] or a damping ratio that a publication states of the mode."""
 _QUANTITIES = (mark("displacement"), mark("velocity"), mark("acceleration"))
 """What an amplitude measures, as data say it."""
-_DECADE = 10.0
-"""Ratio of the largest to the smallest amplitude from which on the axis is logarithmic."""
 
 
 @styled
@@ -92,11 +90,9 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
             fitted = float(prediction.amplitude[0] / prediction.beyond[0])
             axes.axvline(fitted, color=colour, ls=":", lw=0.9, label=text("highest level fitted"))
     measured = np.concatenate([mode.amplitude for mode in modes]) if modes else np.ones(1)
-    if measured.max() > _DECADE * measured.min():
+    if logarithmic(measured):
         damping.set_xscale("log")
-    damping.set_xlabel(
-        text("Amplitude of the {quantity} [{unit}]", quantity=word(quantity), unit=SI_UNIT[quantity].replace("^2", "²"))
-    )
+    damping.set_xlabel(amplitude_label(quantity))
     frequency.set_ylabel(text("Frequency [Hz]"))
     damping.set_ylabel(text("Damping ratio [%]"))
     marked = {code for code, *_ in _MARKS} | set(_STATED)
@@ -147,14 +143,8 @@ def amplitude_shapes(mode: AmplitudeDependentMode) -> Figure:
             axes.errorbar(mode.amplitude, values, half[row], color=colour, fmt=marker, ms=4, lw=0.9, label=str(dof))
     real.set_ylabel(text("Real part"))
     imaginary.set_ylabel(text("Imaginary part"))
-    imaginary.set_xlabel(
-        text(
-            "Amplitude of the {quantity} [{unit}]",
-            quantity=word(mode.quantity),
-            unit=SI_UNIT[mode.quantity].replace("^2", "²"),
-        )
-    )
-    if mode.amplitude[-1] > _DECADE * mode.amplitude[0]:
+    imaginary.set_xlabel(amplitude_label(mode.quantity))
+    if logarithmic(mode.amplitude):
         imaginary.set_xscale("log")
     real.legend(fontsize="small")
     return figure
@@ -269,7 +259,7 @@ def nonlinear_mode(mode: NonlinearMode) -> Figure:
     frequency, damping = figure.subplots(2, 1, sharex=True)
     for axes, values in ((frequency, mode.frequencies), (damping, 100 * mode.damping_ratios)):
         axes.plot(mode.amplitudes, values, "o-", ms=3.5, color=BLUE)
-    if mode.amplitudes.max() > _DECADE * mode.amplitudes.min() > 0:
+    if logarithmic(mode.amplitudes):
         damping.set_xscale("log")
     frequency.set_ylabel(text("Frequency [Hz]"))
     damping.set_ylabel(text("Damping ratio [%]"))

@@ -8,12 +8,18 @@ from matplotlib.figure import Figure
 
 from ema.data import AmplitudeDraws, ForcedResonances, ForcedResponse, ForceSurface, SteppedLevel
 from ema.errors import InputError
-from ema.messages import text, word
-from ema.show.style import BLACK, COLOUR_MAP, SERIES, empty_note, new_figure, one_quantity, styled
-from ema.units import SI_UNIT
-
-_DECADE = 10.0
-"""Ratio of the largest to the smallest amplitude from which on an axis is logarithmic."""
+from ema.messages import text
+from ema.show.style import (
+    BLACK,
+    COLOUR_MAP,
+    SERIES,
+    amplitude_label,
+    empty_note,
+    logarithmic,
+    new_figure,
+    one_quantity,
+    styled,
+)
 
 
 @styled
@@ -83,7 +89,7 @@ def forced_responses(responses: Sequence[ForcedResponse], measured: Sequence[Ste
     if np.isfinite(highest):
         axes.axhline(highest, color="0.5", ls="--", lw=0.9, label=text("highest level fitted"))
     axes.set_xlabel(text("Frequency [Hz]"))
-    axes.set_ylabel(_amplitude(quantity))
+    axes.set_ylabel(amplitude_label(quantity))
     axes.legend(loc="best", fontsize="small")
     return figure
 
@@ -140,9 +146,9 @@ def force_surface(surface: ForceSurface) -> Figure:
     for axes in panels:
         axes.axhline(highest, color="white", ls="--", lw=1.0)
         axes.set_xlabel(text("Frequency [Hz]"))
-        if surface.amplitude[-1] > _DECADE * surface.amplitude[0]:
+        if logarithmic(surface.amplitude):
             axes.set_yscale("log")
-    panels[0].set_ylabel(_amplitude(surface.quantity))
+    panels[0].set_ylabel(amplitude_label(surface.quantity))
     return figure
 
 
@@ -171,7 +177,7 @@ def forced_resonances(resonances: ForcedResonances) -> Figure:
     figure = new_figure(5.0)
     panels = figure.subplots(3, 1, sharex=True)
     rows = (
-        (resonances.amplitude, 1.0, _amplitude(resonances.quantity)),
+        (resonances.amplitude, 1.0, amplitude_label(resonances.quantity)),
         (resonances.frequency, 1.0, text("Frequency [Hz]")),
         (resonances.damping, 100.0, text("Damping ratio [%]")),
     )
@@ -213,13 +219,7 @@ def amplitude_draws(draws: AmplitudeDraws) -> Figure:
         axes.plot(draws.amplitude, value, color=SERIES[0][0])
         axes.axvline(float(draws.levels[-1]), color=BLACK, ls=":", lw=0.9)
         axes.set_ylabel(label)
-    panels[-1].set_xlabel(_amplitude(draws.quantity))
-    if draws.amplitude[-1] > _DECADE * draws.amplitude[0]:
+    panels[-1].set_xlabel(amplitude_label(draws.quantity))
+    if logarithmic(draws.amplitude):
         panels[-1].set_xscale("log")
     return figure
-
-
-def _amplitude(quantity: str) -> str:
-    return text(
-        "Amplitude of the {quantity} [{unit}]", quantity=word(quantity), unit=SI_UNIT[quantity].replace("^2", "²")
-    )

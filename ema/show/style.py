@@ -14,8 +14,8 @@ from matplotlib.ticker import FixedFormatter, FuncFormatter
 
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.messages import mark, word
-from ema.units import FRF_UNIT, UNSTATED
+from ema.messages import mark, text, word
+from ema.units import FRF_UNIT, SI_UNIT, UNSTATED
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -142,9 +142,9 @@ def _take_literally(figure: Figure) -> None:
         for axis in (axes.xaxis, axes.yaxis):
             if isinstance(axis.get_major_formatter(), (FixedFormatter, FuncFormatter)):  # names given one by one
                 texts += axis.get_majorticklabels()
-    for text in texts:
-        if "$" in text.get_text() and "mathdefault" not in text.get_text():
-            text.set_parse_math(False)
+    for one in texts:
+        if "$" in one.get_text() and "mathdefault" not in one.get_text():
+            one.set_parse_math(False)
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
@@ -157,6 +157,17 @@ def frf_label(quantity: str, unit: str) -> str:
     name = "FRF" if quantity == UNSTATED else word(quantity).capitalize()
     known = FRF_UNIT.get(quantity, unit) if unit != UNSTATED else UNSTATED
     return f"{name} [{unit_text(known)}]"
+
+
+def amplitude_label(quantity: str) -> str:
+    """Axis label of an amplitude: "Amplitude of the displacement [m]"."""
+    unit = SI_UNIT[quantity].replace("^2", "²")
+    return text("Amplitude of the {quantity} [{unit}]", quantity=word(quantity), unit=unit)
+
+
+def logarithmic(amplitudes: np.ndarray) -> bool:
+    """Whether amplitudes are drawn on a logarithmic axis: they span more than a decade."""
+    return bool(amplitudes.max() > 10.0 * amplitudes.min() > 0)
 
 
 def unit_text(unit: str) -> str:
@@ -203,10 +214,10 @@ def mark_modes(axes: Axes, frequencies: np.ndarray, rows: int = 3) -> None:
             )
 
 
-def empty_note(axes: Axes, text: str) -> None:
+def empty_note(axes: Axes, note: str) -> None:
     """Say in the middle of empty axes why they are empty."""
     axes.set_axis_off()
-    axes.text(0.5, 0.5, text, ha="center", va="center", color=GREY, transform=axes.transAxes)
+    axes.text(0.5, 0.5, note, ha="center", va="center", color=GREY, transform=axes.transAxes)
 
 
 def label_last_rows(panels: np.ndarray, count: int) -> None:
