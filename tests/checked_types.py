@@ -2,8 +2,9 @@
 
 ``jaxtyped`` checks the parameters of a function twice, binds them by ``inspect`` at every call, and makes the check of an
 inner function anew whenever the outer one is called: half the time of many tests. Here parameters and result
-are checked once, names of axes are kept only where a hint has axes, every piece of code gets its check once, and an
-array is compared with plain axes (names and lengths) without a copy of all that is known of the call.
+are checked once, names of axes are kept only where a hint has axes, every piece of code gets its check once, an
+array is compared with plain axes (names and lengths) without a copy of all that is known of the call, and a function
+that one test calls thousands of times is checked at the first hundred calls and then at every sixteenth.
 """
 
 import dataclasses
@@ -18,6 +19,9 @@ import jaxtyping
 import numpy as np
 from beartype import BeartypeConf, beartype
 from jaxtyping import _array_types, _storage
+
+FIRST, EVERY = 100, 16
+"""Calls of a function within a test of which each is checked, and which of those after them is."""
 
 original = jaxtyping.jaxtyped
 # an int is a float where one is declared, as PEP 484 has it
@@ -107,6 +111,33 @@ def fits(hint: type, value: object) -> bool:
 _array_types._MetaAbstractArray.__instancecheck__ = fits
 
 
+class _Test:
+    """The test that runs: a number."""
+
+    number = 0
+
+
+def next_test() -> None:
+    """Check the first calls of every function again."""
+    _Test.number += 1
+
+
+def _sampled(target: types.FunctionType, check: Callable) -> Callable:
+    """A function that is checked at its first calls in a test and at some of the others."""
+    test, calls = _Test.number, 0
+
+    @functools.wraps(target)
+    def outer(*args, **named):  # type: ignore[no-untyped-def]
+        __tracebackhide__ = True
+        nonlocal test, calls
+        if test != _Test.number:
+            test, calls = _Test.number, 0
+        calls += 1
+        return (check if calls <= FIRST or calls % EVERY == 0 else target)(*args, **named)
+
+    return outer
+
+
 class _Running(threading.local):
     """Inner functions that are called, the last one last."""
 
@@ -133,7 +164,7 @@ def checked(target):  # type: ignore[no-untyped-def]
         return original(target, typechecker=_beartyped)
     if not target.__annotations__:
         return target
-    return _inner_function(target) if "<locals>" in target.__qualname__ else _function(target, target)
+    return _inner_function(target) if "<locals>" in target.__qualname__ else _sampled(target, _function(target, target))
 
 
 def _inner_function(target: types.FunctionType) -> Callable:

@@ -15,7 +15,7 @@ from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 from ema.fingerprint import compiled_modules
-from tests.checked_types import checked
+from tests.checked_types import checked, next_test
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -153,6 +153,11 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
+
+
+def pytest_runtest_setup() -> None:
+    """The first calls of every function are checked in each test."""
+    next_test()
 
 
 @pytest.hookimpl(hookwrapper=True)

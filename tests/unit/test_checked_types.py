@@ -12,7 +12,7 @@ from jaxtyping import AnnotationError, Bool, Complex, Float, Inexact, Int, Shape
 from ema.data.frf import FrfSet
 from ema.data.stored_signals import StoredSignals
 from ema.synthesis import frfs as synthesised
-from tests.checked_types import _alike, _made, checked, fits, original
+from tests.checked_types import EVERY, FIRST, _alike, _made, checked, fits, next_test, original
 
 
 def by_jaxtyping(target):
@@ -233,3 +233,27 @@ def test_arrays_and_axes_are_judged_as_by_jaxtyping():
 def test_what_is_no_array_or_of_another_kind_is_refused():
     assert not isinstance([1.0], Vector) and not isinstance(None, Vector) and not isinstance(np.float64(1.0), Vector)
     assert isinstance(TWO, Vector) and not isinstance(TWO.astype(int), Vector) and not isinstance(np.zeros(()), Vector)
+
+
+def test_after_its_first_calls_in_a_test_a_function_is_checked_now_and_then():
+    calls = []
+
+    def half(number: float) -> float:
+        calls.append(number)
+        return number / 2 if isinstance(number, float) else 0.0
+
+    half.__qualname__ = "half"  # as one of a module
+    half = checked(half)
+    for _ in range(FIRST):
+        refused(half, "1")
+    assert not calls
+    hidden = 0
+    for _ in range(4 * EVERY):
+        try:
+            half("1")
+            hidden += 1
+        except BeartypeCallHintViolation:
+            pass
+    assert hidden == len(calls) == 4 * (EVERY - 1)
+    next_test()
+    refused(half, "1")
