@@ -14,6 +14,8 @@ from ema.report.pictures import Drawing, Image
 Cell = str | int | Value
 _AHEAD = 8
 """Figures that an executor may have at once: each goes there with its FRFs."""
+_LONGEST_WORD = 24
+"""Letters of a word for which a column makes room: the longest of German headings and verdicts have as many."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,8 @@ class Table:
     shown: int
     kind: str = "table"
 
-    def is_number(self, cell: Cell) -> bool:
-        """Tell whether a cell is a number, which must not be broken over lines.
+    def style(self, cell: Cell) -> str:
+        """Return how the words of a cell may be broken over lines.
 
         Parameters
         ----------
@@ -81,10 +83,13 @@ class Table:
 
         Returns
         -------
-        bool
-            True unless it is a text.
+        str
+            "n" for a number, which is not broken; "long" for a text with a word that no column has room for, such as a
+            checksum or a path, which is broken anywhere; empty for any other text, which is broken between words.
         """
-        return not isinstance(cell, str)
+        if not isinstance(cell, str):
+            return "n"
+        return "long" if max(map(len, cell.split()), default=0) > _LONGEST_WORD else ""
 
 
 @dataclass(frozen=True)
