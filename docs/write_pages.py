@@ -1,4 +1,4 @@
-"""Write what the pages take from the program: formats, findings and tutorials: `python docs/write_pages.py`.
+"""Write what the pages take from the program: formats, findings, errors and tutorials: `python docs/write_pages.py`.
 
 A test compares; a page that has gone stale fails it.
 """
@@ -10,11 +10,32 @@ from pathlib import Path
 
 import acquisition
 from ema.messages import kinds
-from tests.unit.written_sentences import alternatives, assigned, enclosing, findings, skeleton, trees
+from tests.unit.written_sentences import alternatives, assigned, enclosing, findings, skeleton, trees, written_calls
 
 ROOT = Path(__file__).resolve().parent.parent
 SEVERITIES = ("info", "warning", "error")
-PAGES = ("findings.md", "formats.md", "tutorials.md")
+PAGES = ("errors.md", "findings.md", "formats.md", "tutorials.md")
+AREAS = {
+    "acquisition/files/": ("Files of measurements", "formats"),
+    "acquisition/live/": ("Measuring", "record"),
+    "acquisition/": ("Campaigns", "campaign"),
+    "ema/estimate/": ("FRFs and decays", "theory/estimation"),
+    "ema/fit/": ("Modes", "theory/estimation"),
+    "ema/contact/": ("Friction laws", "laws"),
+    "ema/simulate/": ("Models and simulation", "simulate"),
+    "ema/compare/": ("Comparison and prediction", "compare"),
+    "ema/place/": ("Places of friction beams", "placement"),
+    "ema/study/": ("Recipes", "getting-started"),
+    "ema/store/": ("Stored results", "api"),
+    "ema/archive/": ("Archives", "archive"),
+    "ema/report/": ("Reports", "report"),
+    "ema/show/": ("Pictures", "api"),
+    "ema/app/": ("The browser", "browser"),
+    "ema/cli/": ("Commands", "getting-started"),
+    "": ("Data in general", "api"),
+}
+"""What an error is about, by where it arises, and the page that explains it; the first that fits."""
+ERRORS = ("InputError", "UnitError", "UndescribedError", "MissingExtraError", "FailureError", "CancelledError")
 _REGION = re.compile(r"(<!-- (?P<name>[\w ]+) -->\n).*?(<!-- end -->)", re.S)
 
 
@@ -100,13 +121,55 @@ def findings_table() -> str:
     for kind in kinds().values():
         if kind.page != page:
             page = kind.page
-            title = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
-            lines += ["", f"## See [{title}]({page}.md)", "", "| code | severity | what it says | what to do |",
+            lines += ["", f"## See [{_title(page)}]({page}.md)", "", "| code | severity | what it says | what to do |",
                       "|---|---|---|---|"]
         grave = [name for name in SEVERITIES if name in severities[kind.code]]
         told = " ".join(advice[kind.code]).replace("|", "\\|")
         lines.append(f"| `{kind.code}` | {', '.join(grave) } | {kind.meaning} | {told or '–'} |")
     return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _said_of(call: ast.Call) -> tuple[list[str], list[str], list[str]]:
+    """What an error may say, what it expects and what it advises, three dots for what is filled in."""
+    given = {keyword.arg: keyword.value for keyword in call.keywords}
+    parts = (call.args[0] if call.args else given.get("what"), given.get("expected"), given.get("advice"))
+    texts: list[list[str]] = []
+    for node in parts:
+        said = [skeleton(one).replace("{}", "…") for one in alternatives(node, enclosing()[call]) or ()]
+        texts.append([one for one in dict.fromkeys(said) if re.search("[A-Za-z]", one)])
+    return texts[0], texts[1], texts[2]
+
+
+def errors_table() -> str:
+    """One table per area, one row per sentence."""
+    areas: dict[str, dict[str, tuple[dict[str, None], dict[str, None]]]] = {prefix: {} for prefix in AREAS}
+    for path, calls in written_calls().items():
+        place = path.relative_to(ROOT).as_posix()
+        rows = areas[next(prefix for prefix in AREAS if place.startswith(prefix))]
+        for call in calls:
+            if ast.unparse(call.func) in ERRORS:
+                whats, expected, advice = _said_of(call)
+                for what in whats:
+                    wanted, steps = rows.setdefault(what, ({}, {}))
+                    wanted |= dict.fromkeys(expected)
+                    steps |= dict.fromkeys(advice)
+    lines: list[str] = []
+    for prefix, (title, page) in AREAS.items():
+        lines += ["", f"## {title}", "", f"See [{_title(page)}]({page}.md).", "",
+                  "| what | expected | next step |", "|---|---|---|"]
+        for what, told in sorted(areas[prefix].items(), key=lambda row: row[0].lower().lstrip("…'\"` ")):
+            cells = (what, *("; ".join(each) or "–" for each in told))
+            lines.append("| " + " | ".join(_escaped(cell) for cell in cells) + " |")
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _title(page: str) -> str:
+    return (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+
+
+def _escaped(cell: str) -> str:
+    """A cell as Markdown shows it literally."""
+    return re.sub(r"([\\|*_<>\[\]`$#~])", r"\\\1", " ".join(cell.split()))
 
 
 def journey(number: int) -> str:
@@ -118,7 +181,7 @@ def journey(number: int) -> str:
 def written(page: str) -> str:
     """The page as it should be."""
 
-    tables = {"formats": formats_table, "findings": findings_table}
+    tables = {"errors": errors_table, "formats": formats_table, "findings": findings_table}
 
     def filled(found: re.Match[str]) -> str:
         what, _, number = found["name"].partition(" ")
