@@ -168,8 +168,12 @@ def _title(page: str) -> str:
 
 
 def _escaped(cell: str) -> str:
-    """A cell as Markdown shows it literally."""
-    return re.sub(r"([\\|*_<>\[\]`$#~])", r"\\\1", " ".join(cell.split()))
+    """A cell as Markdown shows it literally, but for `what stands between accents`."""
+    parts = " ".join(cell.split()).split("`")
+    kept = len(parts) % 2 == 1
+    for row in range(0, len(parts), 2 if kept else 1):
+        parts[row] = re.sub(r"([\\|*_<>\[\]$#~])", r"\\\1", parts[row])
+    return ("`" if kept else "\\`").join(parts)
 
 
 def journey(number: int) -> str:

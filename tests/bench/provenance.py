@@ -1,7 +1,8 @@
 """What a figure belongs to: the commit, the date, the machine, and a fingerprint of the source code that made it.
 
 The fingerprint of a bench is that of its module and of every module of the project that this one imports, directly or
-through others. It is taken from the syntax trees without docstrings, so that only code counts.
+through others. It is taken from the syntax trees without docstrings and without the words of errors, so that only code
+counts: a figure is not made by what is raised.
 """
 
 import ast
@@ -98,9 +99,11 @@ def _digest(module: str) -> str:
 
 
 def code(source: str) -> str:
-    """The syntax tree without positions, comments, docstrings and other strings that stand alone."""
+    """The syntax tree without positions, comments, docstrings, other strings that stand alone, and what errors say."""
     tree = ast.parse(source)
     for node in ast.walk(tree):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            node.exc = node.exc.func
         for name in ("body", "orelse", "finalbody"):
             block = getattr(node, name, None)
             if isinstance(block, list):

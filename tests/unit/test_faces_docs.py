@@ -31,12 +31,13 @@ def page(request: pytest.FixtureRequest, root: Path) -> Path:
     return root / "docs" / request.param
 
 
-@pytest.mark.parametrize("name", ["findings.md", "formats.md", "tutorials.md"])
+@pytest.mark.parametrize("name", ["errors.md", "findings.md", "formats.md", "tutorials.md"])
 def test_pages_that_are_written_by_the_program_are_not_stale(root: Path, name: str):
     script = runpy.run_path(str(root / "docs" / "write_pages.py"))
     text = (root / "docs" / name).read_text(encoding="utf-8")
     assert text == script["written"](name), "run python docs/write_pages.py"
     expected = {
+        "errors.md": ["start `dask scheduler`", "| different quantities share no axis |", "## Modes"],
         "findings.md": [f"`{code}`" for code in kinds()],
         "formats.md": [one.title for one in acquisition.formats()],
         "tutorials.md": [f"Tutorial {n}" for n in range(1, 6)],

@@ -68,6 +68,18 @@ def test_remarks_do_not_count_and_code_does() -> None:
         assert provenance.code(plain) != provenance.code(other)
 
 
+def test_what_an_error_says_does_not_count_and_which_is_raised_when_does() -> None:
+    plain = 'def f(x):\n    if x < 0:\n        raise InputError("negative", got=x)\n    return x\n'
+    said = plain.replace('"negative", got=x', 'f"{x:.3g} is below zero", expected="0 or more"')
+    assert provenance.code(plain) == provenance.code(said)
+    for other in (
+        plain.replace("InputError", "OSError"),
+        plain.replace("< 0", "<= 0"),
+        plain.replace("raise", "return"),
+    ):
+        assert provenance.code(plain) != provenance.code(other)
+
+
 def test_a_bench_rests_on_what_its_imports_import() -> None:
     reached = provenance.closure("tests.bench.systems")
     assert {"tests.bench.systems", "tests.bench.scoring", "ema.synthesis", "ema.data.frf", "ema.errors"} <= reached
