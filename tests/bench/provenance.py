@@ -47,7 +47,10 @@ def published() -> dict[str, dict]:
     """Everything that the pages about accuracy and speed show, by file and section: what was stored with it."""
     results = Path(__file__).parent / "results"
     found = {}
-    for name in ("accuracy", "fit", "simulate", "hammer", "placement", "study", "uff", "archive"):
+    for name in (
+        *("accuracy", "fit", "simulate", "hammer", "placement", "study", "uff", "archive"),
+        *("large", "machines", "recordings"),
+    ):
         path = results / f"{name}.json"
         if not path.exists():
             continue
@@ -58,7 +61,7 @@ def published() -> dict[str, dict]:
     if stated.exists():
         kinds = json.loads(stated.read_text(encoding="utf-8"))
         found |= {f"stated_errors, {kind}": stored["stamp"] for kind, stored in kinds.items()}
-    for path in (cold, results / "joint_maps.json", results / "joint_law.json"):
+    for path in (cold, *(results / f"{name}.json" for name in ("brake_reuss", "joint_law", "joint_maps"))):
         if path.exists():
             found[path.stem] = json.loads(path.read_text(encoding="utf-8"))
     return found

@@ -38,6 +38,7 @@ This page is written by `python -m tests.bench.write_docs` from the figures of `
 AGE = {
     "speed.md": ("fit", "simulate", "hammer", "uff", "study", "placement", "archive"),
     "accuracy.md": ("accuracy", "fit"),
+    "large.md": ("large", "machines", "recordings"),
 }
 """Results that each page shows."""
 
@@ -373,8 +374,7 @@ def main() -> None:
     }
     DOCS.mkdir(exist_ok=True)
     for page, sections in pages.items():
-        if page in AGE:
-            sections = [sections[0].strip() + older(AGE[page]), *sections[1:]]
+        sections = [sections[0].strip() + older(AGE[page]), *sections[1:]]
         (DOCS / page).write_text("\n\n".join(section.strip() for section in sections) + "\n", encoding="utf-8")
     (DOCS / "files.md").write_text(files.page(), encoding="utf-8")
     stated_errors_page.write()
@@ -387,6 +387,10 @@ def main() -> None:
         page.write_text(joint_maps.write(page.read_text(encoding="utf-8"), mark, part), encoding="utf-8")
     page = DOCS / "prediction.md"
     page.write_text(brake_reuss_replay.write(page.read_text(encoding="utf-8")), encoding="utf-8")
+    page = DOCS / "large.md"
+    before, begin, rest = page.read_text(encoding="utf-8").partition("<!-- age -->\n")
+    after = rest.partition("<!-- end -->")[2]
+    page.write_text(f"{before}{begin}{older(AGE['large.md']).lstrip()}\n<!-- end -->{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":
