@@ -375,7 +375,7 @@ def _naming_damage(findings: Sequence[Finding]) -> Iterator[None]:
         raise InputError(
             f"the file is damaged ({damage[0].message.rstrip('.')})",
             where=error.where,
-            got=f"what is left does not fit: {error.what}, {error.got}",
+            got=f"what is left does not fit: {error.what}" + ("" if error.got is None else f", {error.got}"),
             advice=damage[0].advice.rstrip(".") or "export it again, or exclude it by a repair",
         ) from error
 

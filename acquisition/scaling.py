@@ -435,7 +435,9 @@ def _direction(slot: _Slot, found: Channel, item: Item, axes: LocalAxes, where: 
     except EmaError as error:
         if error.where:
             raise
-        raise InputError(error.what, where=where, got=error.got, expected=error.expected) from error
+        raise InputError(
+            error.what, where=where, got=error.got, expected=error.expected, advice=error.advice
+        ) from error
 
 
 def node_number(spec: ChannelTable, item: Item, where: str, **more: str) -> int:

@@ -329,7 +329,7 @@ def _rate(header: dict[str, list[str]], times: Any, decimal: str, name: str) -> 
                 same_rate(rate_of(times, name), rate, len(times), name)
             return rate
         raise InputError(
-            "the channels differ in their time step",
+            "the channels differ in their time step" if len(set(steps)) > 1 else "the time step is not above 0",
             where=name,
             got=", ".join(steps[:4]),
             expected="one Delta_X above 0 for all of a segment",

@@ -73,7 +73,9 @@ def tree(path: Path) -> dict[str, Any]:
         try:
             top = _v73(path, left)
         except InputError as error:
-            raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
+            raise InputError(
+                error.what, where=str(path), got=error.got, expected=error.expected, advice=error.advice
+            ) from error
     else:
         from scipy.io import loadmat, whosmat
 

@@ -205,7 +205,7 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
         raise InputError(
             "the signals differ in length",
             where=arrays.where,
-            got=", ".join(map(str, sorted(lengths))),
+            got=", ".join(map(str, sorted(lengths))) or "none that fits the times",
             expected="one length for all",
             advice="name signals of one length by signals=[...]",
         )

@@ -27,7 +27,7 @@ class Trigger:
             )
         if self.before >= self.length:
             raise InputError(
-                "the part of a take before its trigger is longer than the take",
+                "the part of a take before its trigger is no shorter than the take",
                 got=f"{self.before} of {self.length} samples",
                 advice="shorten pre_trigger or lengthen duration in [take]",
             )

@@ -90,7 +90,7 @@ def list_sets(path: "str | PathLike[str]") -> tuple[Entry, ...]:
             return index(file)
     except OSError as error:
         raise InputError(
-            f"the file cannot be read: {error.strerror}",
+            f"the file cannot be read: {error.strerror or error}",
             where=str(path),
             advice="check the name, and that it is a file that you may read",
         ) from error
