@@ -73,7 +73,12 @@ def data_folder(text: str, campaign: Path) -> Path:
         if name in os.environ and name != "EMA_DATASETS":
             return os.environ[name]
         if name != "EMA_DATASETS":
-            raise InputError("an environment variable is not set", where=str(campaign), got=found[0])
+            raise InputError(
+                "an environment variable is not set",
+                where=str(campaign),
+                got=found[0],
+                advice=f'set {name} to a folder, or correct files = "..." of [campaign]',
+            )
         folder = dataset_folder()
         # a relative default is meant from the checkout, wherever the caller stands
         return str(folder if folder.is_dir() else _PROJECT / folder)
@@ -95,7 +100,13 @@ def items_of(run: RunTable, folder: Path, campaign: Path, where: str) -> tuple[I
     paths = [item.path for item in items]
     double = {path.name for path in paths if paths.count(path) > 1} if len(set(paths)) < len(paths) else set()
     if double:
-        raise InputError("a file is named twice", where=where, got=", ".join(sorted(double)))
+        raise InputError(
+            "a file is named twice",
+            where=where,
+            got=", ".join(sorted(double)),
+            expected="each file of a run once",
+            advice="remove one of the entries, or narrow a pattern that takes the file as well",
+        )
     return tuple(items)
 
 
@@ -112,7 +123,12 @@ def _from_table(path: Path, where: str) -> Iterator[FileTable]:
         values = {title: texts[row] for title, texts in table.items() if texts[row]}
         point = values.get("point", "")
         if point and not point.isdigit():
-            raise InputError("a point is a number", where=f"{path}, row {row + 2}", got=repr(point))
+            raise InputError(
+                "a point is a number",
+                where=f"{path}, row {row + 2}",
+                got=repr(point),
+                expected="digits alone, such as 12, or an empty cell",
+            )
         dofs = {title: text for title, text in values.items() if title not in ("file", "point", "setup")}
         yield FileTable(file=name, point=int(point) if point else None, setup=values.get("setup", ""), dofs=dofs)
 
@@ -124,9 +140,19 @@ def _matching(entry: FileTable, folder: Path, where: str) -> Iterator[Item]:
     if not any(mark in entry.file for mark in "{*?"):
         path = folder / entry.file
         if path.is_dir():
-            raise InputError("a folder where a file is expected", where=where, got=entry.file)
+            raise InputError(
+                "a folder where a file is expected",
+                where=where,
+                got=entry.file,
+                advice='name the files inside it, by a pattern such as "folder/*.uff"',
+            )
         if not path.is_file():
-            raise InputError("there is no such file", where=where, got=str(path))
+            raise InputError(
+                "there is no such file",
+                where=where,
+                got=str(path),
+                advice="correct its name, or the folder of the data files in [campaign]",
+            )
         yield Item(path, entry.file, stated, entry.dofs)
         return
     pattern, names = _pattern(entry.file)

@@ -95,7 +95,13 @@ def unit_vector(direction: "Float[np.ndarray, '3'] | list[float]", node: int) ->
     vector = np.asarray(direction, dtype=np.float64)
     length = float(np.linalg.norm(vector))
     if not np.isfinite(length) or length == 0:
-        raise InputError("a direction without length", where=f"node {node}", got=list(direction))
+        raise InputError(
+            "a direction without length",
+            where=f"node {node}",
+            got=list(direction),
+            expected="finite numbers that are not all 0",
+            advice="correct the direction in the channel table",
+        )
     return vector / length
 
 

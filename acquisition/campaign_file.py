@@ -44,7 +44,7 @@ def _with_unit(quantity: str) -> AfterValidator:
 def _positive(quantity: str) -> AfterValidator:
     def check(text: str) -> None:
         if units.measure(text, quantity)[0] <= 0:
-            raise UnitError("not above 0", got=repr(text))
+            raise UnitError("not above 0", got=repr(text), expected="more than 0")
 
     return _checked(check)
 

@@ -27,9 +27,11 @@ def read_columns(path: Path, names_in: str = "first row") -> dict[str, list[str]
     except UnicodeDecodeError:
         text = path.read_text(encoding="latin-1")
     except FileNotFoundError:
-        raise InputError("there is no such file", where=str(path)) from None
+        raise InputError("there is no such file", where=str(path), advice="check the name and the folder") from None
     except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", where=str(path)) from error
+        raise InputError(
+            f"cannot be read ({error.strerror})", where=str(path), advice="check that it is a file that you may read"
+        ) from error
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines or "\0" in text:
         raise InputError("not a table" if lines else "the table is empty", where=str(path), expected="a CSV file")
@@ -74,7 +76,12 @@ def numbers(texts: list[str], where: str) -> Float[np.ndarray, "n"]:
         try:
             values[place] = float(text.replace(",", ".")) if text else np.nan
         except ValueError:
-            raise InputError("not a number", where=f"{where}, value {place + 1}", got=repr(text)) from None
+            raise InputError(
+                "not a number",
+                where=f"{where}, value {place + 1}",
+                got=repr(text),
+                expected="a number such as 1.5 or 1,5",
+            ) from None
     return values
 
 

@@ -133,7 +133,11 @@ def open_campaign(path: str | Path, progress: Progress = silent, *, salvage: boo
     for run in described.runs:
         items[run.id] = repairs.items(run.id, items_of(run, data, folder, f"{where}, run {run.id}"))
         if not items[run.id]:
-            raise InputError("repairs exclude every file of the run", where=f"{where}, run {run.id}")
+            raise InputError(
+                "repairs exclude every file of the run",
+                where=f"{where}, run {run.id}",
+                advice="remove one of these repairs, or the run",
+            )
         _note_skewed(described.channels_of(run), items[run.id], axes, f"{where}, run {run.id}")
     opening = _Opening(described, (folder, data), where, axes, repairs, Files(), progress, salvage)
     runs = tuple(opening.run(run, items[run.id]) for run in described.runs)
@@ -292,7 +296,11 @@ class _Opening:
                 advice='say which of them this run takes: take = "records" or take = "FRFs"',
             )
         if not records and not frfs:
-            raise InputError("the file holds neither records nor FRFs", where=f"{where}, {item.label}")
+            raise InputError(
+                "the file holds neither records nor FRFs",
+                where=f"{where}, {item.label}",
+                advice="name files with records or FRFs, or say in reader what this one holds",
+            )
         return frfs
 
     def _pieces(
@@ -303,7 +311,11 @@ class _Opening:
             advance(self.progress, f"opening run {run.id}", number, len(items))
             takes = self.files.takes(item.path, options)
             if not takes:
-                raise InputError("the file holds no records", where=f"{where}, {item.label}")
+                raise InputError(
+                    "the file holds no records",
+                    where=f"{where}, {item.label}",
+                    advice="name only files with records, or exclude this one by a repair",
+                )
             names = [_record_name(item, take, place, len(takes)) for place, take in enumerate(takes)]
             self.repairs.note_records(names)
             for take, name in zip(takes, names, strict=True):
@@ -328,7 +340,11 @@ class _Opening:
             here = f"{where}, {item.label}"
             frfs = self.files.contents(item.path, options).frfs
             if not frfs:
-                raise InputError("the file holds no FRFs", where=here)
+                raise InputError(
+                    "the file holds no FRFs",
+                    where=here,
+                    advice="name only files with FRFs, or exclude this one by a repair",
+                )
             for frf in frfs:
                 same_frf_units(table, self.files.contents(item.path, options).frf_units, here)
                 outputs, inputs = lines_of_frf(frf, table, item, self.axes, here)
@@ -359,7 +375,7 @@ def _naming_damage(findings: Sequence[Finding]) -> Iterator[None]:
         raise InputError(
             f"the file is damaged ({damage[0].message.rstrip('.')})",
             where=error.where,
-            got=f"what is left does not fit: {error.what}, {error.got}",
+            got=f"what is left does not fit: {error.what}" + ("" if error.got is None else f", {error.got}"),
             advice=damage[0].advice.rstrip(".") or "export it again, or exclude it by a repair",
         ) from error
 
@@ -512,7 +528,13 @@ def _outside_geometry(geometry: Geometry | None, dofs: set[Dof]) -> list[Finding
 
 def _image(folder: Path, name: str, where: str, what: str) -> Path:
     if not (folder / name).is_file():
-        raise InputError(f"there is no such {what}", where=where, got=name)
+        raise InputError(
+            f"there is no such {what}",
+            where=where,
+            got=name,
+            expected=f"a file in {folder}",
+            advice="correct its name, or put it there",
+        )
     return folder / name
 
 

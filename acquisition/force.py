@@ -164,7 +164,12 @@ def drift(trace: Trace) -> float:
 def _of_channel(records: Sequence[Recording], channel: str, where: str) -> Trace:
     """Block means of a channel over all records; the standard deviation is that of all samples."""
     if not records:
-        raise InputError("the run has no records, so no channel of a record", where=where, got=channel)
+        raise InputError(
+            "the run has no records, so no channel of a record",
+            where=where,
+            got=channel,
+            advice="state the value or the file of the normal force in place of the channel",
+        )
     times: list[float] = []
     values: list[float] = []
     weight, total, squares, samples = 0, 0.0, 0.0, 0
@@ -268,7 +273,13 @@ def _times(table: NormalForceTable, columns: dict[str, list[str]], span: Span, w
         raise InputError("the time column has no unit", where=where, got=table.time, advice='add time_unit = "s"')
     unit = units.parse(table.time_unit)
     if unit.quantity != "time":
-        raise InputError("the unit of the time column is no time", where=where, got=table.time_unit)
+        raise InputError(
+            "the unit of the time column is no time",
+            where=where,
+            got=table.time_unit,
+            expected="s, ms, min",
+            advice="correct time_unit",
+        )
     seconds = np.asarray(unit.to_si(numbers(texts, f"{where}, column {table.time}")), dtype=np.float64)
     if table.start and span.start is not None:
         return seconds + (moment(table.start, where) - span.start).total_seconds()

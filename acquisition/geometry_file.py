@@ -37,7 +37,13 @@ def geometry_of(table: GeometryTable | None, folder: Path, data: Path, where: st
     else:
         path = next((base / table.file for base in (folder, data) if (base / table.file).is_file()), None)
         if path is None:
-            raise InputError("there is no such geometry file", where=where, got=table.file)
+            raise InputError(
+                "there is no such geometry file",
+                where=where,
+                got=table.file,
+                expected=f"a file in {folder}" + (f" or {data}" if data != folder else ""),
+                advice='correct file = "..." of [geometry]',
+            )
         geometry = _read(path, table)
     geometry = replace(
         geometry,
@@ -94,7 +100,12 @@ def _from_columns(path: Path, table: GeometryTable) -> Geometry:
         nodes = np.arange(1.0, len(xyz) + 1)  # positions in the order of the points
     kept = np.isfinite(xyz).all(axis=1)
     if (not kept.all() and np.isfinite(xyz[~kept]).any()) or np.isnan(nodes[kept]).any():
-        raise InputError("a node with a number or coordinate missing", where=str(path))
+        raise InputError(
+            "a node with a number or coordinate missing",
+            where=str(path),
+            got=f"entry {int(np.argmax(np.where(kept, np.isnan(nodes), np.isfinite(xyz).any(axis=1)))) + 1}",
+            advice="fill it in, or leave all three coordinates of the node empty",
+        )
     return Geometry(nodes[kept].astype(np.int64), xyz[kept])
 
 
@@ -102,7 +113,10 @@ def _orthonormal(axes: np.ndarray, where: str) -> np.ndarray:
     axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
     if not np.allclose(axes @ axes.T, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0:
         raise InputError(
-            "local axes are not three right-handed directions at right angles", where=where, got=axes.round(3).tolist()
+            "local axes are not three right-handed directions at right angles",
+            where=where,
+            got=axes.round(3).tolist(),
+            expected="+X, +Y and +Z of the node in global directions, +Z along +X cross +Y",
         )
     left, _, right = np.linalg.svd(axes)
     return np.asarray(left @ right)  # the nearest exact rotation to what was noted with a few digits
@@ -111,13 +125,27 @@ def _orthonormal(axes: np.ndarray, where: str) -> np.ndarray:
 def _check(geometry: Geometry, where: str) -> None:
     if len(set(geometry.nodes.tolist())) < len(geometry.nodes):
         nodes = geometry.nodes.tolist()
-        raise InputError("a node twice in the geometry", where=where, got=next(n for n in nodes if nodes.count(n) > 1))
+        raise InputError(
+            "a node twice in the geometry",
+            where=where,
+            got=next(n for n in nodes if nodes.count(n) > 1),
+            advice="give each node a number of its own",
+        )
     if not np.isfinite(geometry.xyz).all():
-        raise InputError("a coordinate of the geometry is no finite number", where=where)
+        raise InputError(
+            "a coordinate of the geometry is no finite number",
+            where=where,
+            got=f"node {geometry.nodes[~np.isfinite(geometry.xyz).all(axis=1)][0]}",
+            advice="correct the coordinate, or leave the node out",
+        )
     for kind, groups in (("line", geometry.lines), ("face", geometry.faces)):
         for group in groups:
             absent = [node for node in group if node not in geometry]
             if absent:
                 raise InputError(
-                    f"a {kind} of the geometry goes to a node that is not there", where=where, got=absent[0]
+                    f"a {kind} of the geometry goes to a node that is not there",
+                    where=where,
+                    got=absent[0],
+                    expected=f"one of its {len(geometry.nodes)} nodes",
+                    advice=f"add the node, or correct the {kind}",
                 )

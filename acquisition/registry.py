@@ -227,11 +227,16 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
     except EmaError:
         raise
     except OSError as error:
-        raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+        raise InputError(
+            f"the file cannot be read: {error.strerror or error}",
+            where=str(path),
+            advice="check that you may read it, or copy or export it again",
+        ) from error
     except Exception as error:  # readers of foreign formats fail in ways of their own; the cause is kept
         raise InputError(
             f"damaged, or not a {kind.title} file: {(str(error) or type(error).__name__).splitlines()[0]}",
             where=str(path),
+            advice="copy or export it again" + (", or leave format out" if format else ""),
         ) from error
     suffix = _suffixes(path)
     owners = [candidate for candidate in _FORMATS if suffix in candidate.suffixes]
@@ -304,4 +309,8 @@ def write(path: "str | PathLike[str]", *nouns: Any, format: str = "", **options:
     try:
         adapter.write(path, nouns, **options)
     except OSError as error:
-        raise FailureError(f"the file cannot be written: {error.strerror or error}", where=str(path)) from error
+        raise FailureError(
+            f"the file cannot be written: {error.strerror or error}",
+            where=str(path),
+            advice="choose a folder that you may write to, on a disk with room",
+        ) from error

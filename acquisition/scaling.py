@@ -174,7 +174,13 @@ def scaled_frf(frf: FrfSet, outputs: tuple[Line, ...], inputs: tuple[Line, ...],
         )
     for line in inputs:
         if line.channel.quantity not in ("force", "unstated"):
-            raise InputError("the reference of an FRF is no force", where=where, got=line.channel.quantity)
+            raise InputError(
+                "the reference of an FRF is no force",
+                where=f"{where}, channel {line.channel.name}",
+                got=line.channel.quantity,
+                expected="force",
+                advice="correct the unit, sensitivity or role of this channel",
+            )
     quantity = FRF_OF_RESPONSE.get(quantities.pop(), "unstated")
     scaled = all(line.channel.scaled for line in (*outputs, *inputs)) and quantity != "unstated"
     factor = np.array([[line.factor] for line in outputs]) / np.array([line.factor for line in inputs])
@@ -374,7 +380,12 @@ def conversion(found: Channel, spec: ChannelTable, where: str) -> tuple[float, f
             advice='add sensitivity = "100 mV/g" (or what the sensor has)',
         )
     if unit.quantity not in QUANTITIES:
-        raise UnitError("not the unit of a signal", where=where, got=spec.unit)
+        raise UnitError(
+            "not the unit of a signal",
+            where=where,
+            got=spec.unit,
+            expected="a unit of what a sensor measures, such as N, m/s^2 or Pa",
+        )
     factor, offset = (1.0, 0.0) if found.scaled else (unit.factor, unit.offset)
     return factor, offset, unit.quantity, sensitivity, str(spec.unit)
 
@@ -424,7 +435,9 @@ def _direction(slot: _Slot, found: Channel, item: Item, axes: LocalAxes, where: 
     except EmaError as error:
         if error.where:
             raise
-        raise InputError(error.what, where=where, got=error.got, expected=error.expected) from error
+        raise InputError(
+            error.what, where=where, got=error.got, expected=error.expected, advice=error.advice
+        ) from error
 
 
 def node_number(spec: ChannelTable, item: Item, where: str, **more: str) -> int:
@@ -436,7 +449,13 @@ def node_number(spec: ChannelTable, item: Item, where: str, **more: str) -> int:
     """
     text = item.fill(spec.node, where, **more)
     if not text.isdigit():
-        raise InputError("a node is a number", where=where, got=repr(text))
+        raise InputError(
+            "a node is a number",
+            where=where,
+            got=repr(text),
+            expected="digits alone, such as 12",
+            advice='correct node = "..." in the channel table',
+        )
     return int(text)
 
 

@@ -134,7 +134,12 @@ class Session:
             for name in (RAW, REJECTED):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise FailureError("the folder cannot be written", where=str(self.folder), got=error.strerror) from error
+            raise FailureError(
+                "the folder cannot be written",
+                where=str(self.folder),
+                got=error.strerror,
+                advice="record into a folder that you may write to, on a disk with room",
+            ) from error
         self._lock = FolderLock(self.folder)
         with self._alone():
             pass
@@ -262,7 +267,10 @@ class Session:
                 remove_remains(self.folder)
             except OSError as error:
                 raise FailureError(
-                    "the folder cannot be written", where=str(self.folder), got=error.strerror
+                    "the folder cannot be written",
+                    where=str(self.folder),
+                    got=error.strerror,
+                    advice="record into a folder that you may write to, on a disk with room",
                 ) from error
             self._take_stock()
             yield

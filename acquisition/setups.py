@@ -96,7 +96,7 @@ def merge(parts: Sequence[Part], name: str = "") -> FrfSet:
     4
     """
     if not parts:
-        raise InputError("no FRFs to merge", where=name)
+        raise InputError("no FRFs to merge", where=name, expected="those of one file or more")
     first = parts[0]
     for part in parts[1:]:
         _refuse_other_kind(first, part, name)
@@ -417,7 +417,13 @@ def _refuse_other_kind(first: Part, part: Part, name: str) -> None:
             advice="put it into a run of its own, or correct its unit by a repair",
         )
     if first.frfs.added_decay != part.frfs.added_decay:
-        raise InputError("files with different exponential windows", where=f"{name}, {part.file}")
+        raise InputError(
+            "files with different exponential windows",
+            where=f"{name}, {part.file}",
+            got=f"{part.frfs.added_decay:g} rad/s of added decay",
+            expected=f"{first.frfs.added_decay:g} rad/s as in {first.file or 'the first file'}",
+            advice="put it into a run of its own",
+        )
 
 
 def _axis(frf: FrfSet) -> str:

@@ -445,7 +445,7 @@ def sensitivity(text: str) -> tuple[float, str]:
     volts = value * volt.factor / unit.factor
     _refuse_endless(volts, text)
     if volts == 0:
-        raise UnitError("a sensitivity of zero", got=repr(text))
+        raise UnitError("a sensitivity of zero", got=repr(text), expected="one other than 0, such as 2.25 mV/N")
     return volts, unit.quantity
 
 

@@ -59,7 +59,13 @@ class Arrays:
         if place in self.arrays:
             return self.arrays[place]
         if place in self.left_out:
-            raise InputError("an array that is not read", where=self.where, got=f"{place}, {self.left_out[place]}")
+            raise InputError(
+                "an array that is not read",
+                where=self.where,
+                got=f"{place}, {self.left_out[place]}",
+                expected=self.listing() or None,
+                advice="name another array, or export this one as numbers",
+            )
         found = PLACE.match(place)
         if found is None or (found["array"] or self.main) not in self.arrays:
             raise InputError("nothing at this place", where=self.where, got=repr(place), expected=self.listing())
@@ -107,6 +113,9 @@ class Arrays:
                 "no real numbers" if dtype == np.float64 else "no numbers",
                 where=self.where,
                 got=f"{place} of type {array.dtype}",
+                advice="say frf='...' if these are complex FRFs, or name another array"
+                if array.dtype.kind == "c"
+                else "name another array, or export this one as numbers",
             )
         return array.astype(dtype)
 

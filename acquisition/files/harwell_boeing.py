@@ -58,7 +58,11 @@ def read(path: Path) -> Float[np.ndarray, "n n"]:
     try:
         text = path.read_text(encoding="latin-1")
     except OSError as error:
-        raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+        raise InputError(
+            f"the file cannot be read: {error.strerror or error}",
+            where=str(path),
+            advice="check the name, and that it is a file that you may read",
+        ) from error
 
     def wrong(what: str, got: object = None, advice: str = "") -> InputError:
         return InputError(

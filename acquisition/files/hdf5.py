@@ -134,7 +134,9 @@ def tree(path: Path) -> dict[str, Any]:
             _attributes(file, "", found)
             _gather(file, "", found, set())
         except InputError as error:
-            raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
+            raise InputError(
+                error.what, where=str(path), got=error.got, expected=error.expected, advice=error.advice
+            ) from error
     return vars(found)
 
 

@@ -107,7 +107,13 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
     while rows and not rows[-1].strip():
         rows = rows[:-1]
     if len(rows) < 2:
-        raise InputError("a segment without samples", where=name, got=f"{len(rows)} rows")
+        raise InputError(
+            "a segment without samples",
+            where=name,
+            got=f"{len(rows)} rows",
+            expected="a row of titles and rows of numbers",
+            advice="export the file again",
+        )
     titles = [cell.strip() for cell in rows[0].split(separator)]
     while len(titles) > 1 and not titles[-1] and titles[-2] == "Comment":
         titles.pop()  # a separator at the end of the line
@@ -119,7 +125,13 @@ def _recording(segment: _Segment, layout: Layout) -> Contents:
     full = np.isfinite(values).any(axis=0)
     signals = [place for place in range(columns) if titles[place] != "X_Value" and full[place]]
     if not signals:
-        raise InputError("a segment without signals", where=name, got=", ".join(titles))
+        raise InputError(
+            "a segment without signals",
+            where=name,
+            got=", ".join(titles),
+            expected="a column of numbers other than X_Value",
+            advice="export the file again",
+        )
     notes += _announced(segment, values[:, signals], layout)
     notes += [
         Finding("warning", "not-read", f"{name}, {titles[place] or f'column {place}'}", "the column holds nothing.")
@@ -279,7 +291,12 @@ def _values(rows: list[str], separator: str, decimal: str, columns: int, name: s
         table_ = [[float(cell) if cell.strip() else np.nan for cell in row] for row in cells]
         return np.array([row + [np.nan] * (columns - len(row)) for row in table_])
     except ValueError as error:
-        raise InputError(f"a row is no numbers: {error}", where=name) from error
+        raise InputError(
+            f"a row is no numbers: {error}",
+            where=name,
+            expected=f"numbers with the decimal mark {decimal!r}",
+            advice="export the file again",
+        ) from error
 
 
 def _check_starts(header: dict[str, list[str]], begins: list[float], rate: float, name: str) -> None:
@@ -311,7 +328,20 @@ def _rate(header: dict[str, list[str]], times: Any, decimal: str, name: str) -> 
             if times is not None and np.isfinite(times).all():
                 same_rate(rate_of(times, name), rate, len(times), name)
             return rate
-        raise InputError("the channels differ in their time step", where=name, got=", ".join(steps[:4]))
+        raise InputError(
+            "the channels differ in their time step" if len(set(steps)) > 1 else "the time step is not above 0",
+            where=name,
+            got=", ".join(steps[:4]),
+            expected="one Delta_X above 0 for all of a segment",
+            advice="export the channels of each sampling rate apart"
+            if len(set(steps)) > 1
+            else "export the file again",
+        )
     if times is None:
-        raise InputError("no time step in the header and no time column", where=name)
+        raise InputError(
+            "no time step in the header and no time column",
+            where=name,
+            expected="Delta_X in the header or a column X_Value",
+            advice="export the file with one of them",
+        )
     return rate_of(times, name)

@@ -73,7 +73,9 @@ def tree(path: Path) -> dict[str, Any]:
         try:
             top = _v73(path, left)
         except InputError as error:
-            raise InputError(error.what, where=str(path), got=error.got, advice=error.advice) from error
+            raise InputError(
+                error.what, where=str(path), got=error.got, expected=error.expected, advice=error.advice
+            ) from error
     else:
         from scipy.io import loadmat, whosmat
 
@@ -144,7 +146,11 @@ def _in_full(matrix: Any, name: str) -> "np.ndarray | _Object":
     try:
         matrix.check_format(full_check=True)
     except ValueError as error:
-        raise InputError("a sparse matrix whose places do not fit", got=f"{name}, {error}") from error
+        raise InputError(
+            "a sparse matrix whose places do not fit",
+            got=f"{name}, {error}",
+            advice="save the matrix again, or in full",
+        ) from error
     full: np.ndarray = matrix.toarray()
     return full
 
@@ -171,7 +177,11 @@ def _sparse(group: Any, name: str, left: dict[str, str]) -> Any:
         shape = (int(group.attrs["MATLAB_sparse"]), max(len(begins) - 1, 0))
         matrix = csc_matrix((data, rows.astype(np.int64), begins.astype(np.int64)), shape=shape)
     except (ValueError, TypeError) as error:
-        raise InputError("a sparse matrix whose places do not fit", got=f"{name}, {error}") from error
+        raise InputError(
+            "a sparse matrix whose places do not fit",
+            got=f"{name}, {error}",
+            advice="save the matrix again, or in full",
+        ) from error
     full = _in_full(matrix, name)
     if isinstance(full, _Object):
         left[name] = full.what
@@ -238,7 +248,7 @@ def _node(item: Any, name: str, users: tuple[int, ...], left: dict[str, str]) ->
 
     address = h5py.h5o.get_info(item.id).addr
     if address in users:
-        raise InputError("holds a variable that is inside itself", got=name)
+        raise InputError("holds a variable that is inside itself", got=name, advice="save the file again without it")
     users = (*users, address)
     if "MATLAB_object_decode" in item.attrs:
         left[name] = _OBJECT

@@ -28,7 +28,11 @@ def read_matrix(path: Path) -> Float[np.ndarray, "n n"]:
         with open(path, "rb") as file:
             head = file.read(64)
     except OSError as error:
-        raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+        raise InputError(
+            f"the file cannot be read: {error.strerror or error}",
+            where=str(path),
+            advice="check the name, and that it is a file that you may read",
+        ) from error
     if not head.startswith(_BANNER.encode()) and sniff.as_ascii(head).lower().startswith(_BANNER.lower().encode()):
         raise InputError(
             "the first line of a Matrix Market file is not written as the format wants it",
@@ -51,7 +55,7 @@ def _market(path: Path) -> Float[np.ndarray, "n n"]:
     try:
         there = call("market", path)
     except (ParserError, OSError) as error:
-        raise InputError(f"damaged Matrix Market file: {error}", where=str(path)) from error
+        raise InputError(f"damaged Matrix Market file: {error}", where=str(path), advice="export it again") from error
     values, shape = there["values"], there["shape"]
     if len(shape) != 2 or shape[0] != shape[1] or np.iscomplexobj(values):
         raise InputError(
@@ -150,7 +154,11 @@ def read_dofs(path: Path, part: str = "") -> tuple[Dof, ...]:
     try:
         lines = sniff.as_ascii(path.read_bytes()).decode("latin-1").splitlines()
     except OSError as error:
-        raise InputError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
+        raise InputError(
+            f"the file cannot be read: {error.strerror or error}",
+            where=str(path),
+            advice="check the name, and that it is a file that you may read",
+        ) from error
     found: dict[int, Dof] = {}
     for number, line in enumerate(lines, 1):
         text = line.split("#")[0].replace(",", " ").strip()
@@ -168,7 +176,13 @@ def read_dofs(path: Path, part: str = "") -> tuple[Dof, ...]:
             continue  # a title
         row, dof = entry
         if row in found or dof in found.values():
-            raise InputError("a row or DOF named twice", where=f"{path}, line {number}", got=repr(text[:40]))
+            raise InputError(
+                "a row or DOF named twice",
+                where=f"{path}, line {number}",
+                got=repr(text[:40]),
+                expected="each row and each DOF once",
+                advice="correct the line, or export the mapping again",
+            )
         found[row] = dof
     if sorted(found) != list(range(1, len(found) + 1)) or not found:
         raise InputError(

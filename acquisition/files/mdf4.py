@@ -44,7 +44,12 @@ def read(path: Path, layout: Layout) -> Contents:
     """
     there = call("mdf4", path, salvage=layout.salvage)
     if not there["channels"]:
-        raise InputError("no numeric channel in the file", where=path.name)
+        raise InputError(
+            "no numeric channel in the file",
+            where=path.name,
+            expected="a channel of numbers with two samples or more",
+            advice="measure or export it again",
+        )
     sampled = [Sampled(**channel) for channel in there["channels"]]
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
     notes = [

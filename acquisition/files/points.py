@@ -40,12 +40,22 @@ def geometry(arrays: Arrays, layout: Layout) -> Contents:
             [np.zeros(length) if c is None else _of_length(c, length, arrays.where) for c in columns], axis=1
         )
     if xyz.ndim != 2 or xyz.shape[1] != 3:
-        raise InputError("coordinates are not of shape (n, 3)", where=arrays.where, got=xyz.shape)
+        raise InputError(
+            "coordinates are not of shape (n, 3)",
+            where=arrays.where,
+            got=xyz.shape,
+            advice="name an array with columns x, y and z, or say x='...', y='...' and z='...'",
+        )
     numbers = np.arange(1, len(xyz) + 1) if layout.node is None else arrays.vector(layout.node)
     keep = np.isfinite(xyz).all(axis=1) & np.isfinite(numbers)
     nodes = _whole_numbers(numbers[keep], arrays.where)
     if len(np.unique(nodes)) < len(nodes):
-        raise InputError("a node number occurs twice", where=arrays.where, got=int(_repeated(nodes)))
+        raise InputError(
+            "a node number occurs twice",
+            where=arrays.where,
+            got=int(_repeated(nodes)),
+            advice="give each node a number of its own",
+        )
     factors, stated = _lengths(arrays, layout)
     findings = () if stated else (length_unstated(arrays.where),)
     findings = (*findings, *_overruled(arrays, layout))

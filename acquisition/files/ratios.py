@@ -206,7 +206,13 @@ def check_frequencies(frequencies: Any, where: str) -> None:
     """
     frequencies = np.asarray(frequencies)
     if not len(frequencies) or not np.all(np.isfinite(frequencies)):
-        raise InputError("the frequencies are not all numbers", where=where, got=f"{len(frequencies)} lines")
+        raise InputError(
+            "the frequencies are not all numbers",
+            where=where,
+            got=f"{len(frequencies)} lines",
+            expected="one line or more, each with a finite frequency",
+            advice="export the file again",
+        )
     back = np.flatnonzero(np.diff(frequencies) <= 0)
     if len(back):
         line = int(back[0])
@@ -215,6 +221,8 @@ def check_frequencies(frequencies: Any, where: str) -> None:
             where=where,
             got=f"{frequencies[line + 1]:g} Hz behind {frequencies[line]:g} Hz at line {line + 2} of "
             f"{len(frequencies)}",
+            expected="each frequency above the one before",
+            advice="export the lines in rising order, with enough digits to tell them apart",
         )
     if frequencies[0] < 0:
         raise InputError(
@@ -268,11 +276,21 @@ def _complex(arrays: Arrays, layout: Layout) -> Polar:
         real, imaginary = arrays.numbers(layout.real), arrays.numbers(layout.imaginary)
         if real.shape != imaginary.shape:
             raise InputError(
-                "real and imaginary part differ in length", where=arrays.where, got=f"{real.shape}, {imaginary.shape}"
+                "real and imaginary part differ in length",
+                where=arrays.where,
+                got=f"{real.shape}, {imaginary.shape}",
+                expected="equal shapes",
+                advice="name two arrays of one FRF",
             )
         unit, other = _stated(arrays, layout.real), _stated(arrays, layout.imaginary)
         if unit != other and UNSTATED not in (unit, other):
-            raise InputError("real and imaginary part differ in unit", where=arrays.where, got=f"{unit}, {other}")
+            raise InputError(
+                "real and imaginary part differ in unit",
+                where=arrays.where,
+                got=f"{unit}, {other}",
+                expected="one unit",
+                advice="name two arrays of one FRF, or correct the unit in the file",
+            )
         with np.errstate(invalid="ignore"):  # infinite numbers have a finding
             values = real + 1j * imaginary
         return Polar(values, other if unit == UNSTATED else unit)
@@ -280,7 +298,11 @@ def _complex(arrays: Arrays, layout: Layout) -> Polar:
         amplitude, phase = arrays.numbers(layout.amplitude), arrays.numbers(layout.phase)
         if amplitude.shape != phase.shape:
             raise InputError(
-                "amplitude and phase differ in length", where=arrays.where, got=f"{amplitude.shape}, {phase.shape}"
+                "amplitude and phase differ in length",
+                where=arrays.where,
+                got=f"{amplitude.shape}, {phase.shape}",
+                expected="equal shapes",
+                advice="name two arrays of one FRF",
             )
         return to_complex(arrays, layout, amplitude, phase)
     raise InputError(
@@ -357,5 +379,10 @@ def _dofs(arrays: Arrays, given: Any, count: int) -> tuple[Dof, ...]:
         raise InputError("the number of DOFs", where=arrays.where, got=len(texts), expected=count)
     dofs = tuple(Dof.parse(text) for text in texts)
     if len(set(dofs)) < count:
-        raise InputError("a DOF is named twice", where=arrays.where, got=", ".join(map(str, dofs)))
+        raise InputError(
+            "a DOF is named twice",
+            where=arrays.where,
+            got=", ".join(map(str, dofs)),
+            expected=f"{count} different DOFs",
+        )
     return dofs

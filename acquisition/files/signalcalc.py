@@ -50,7 +50,11 @@ def read(path: Path, layout: Layout) -> Contents:
     lost = _reconciled(segment, others, layout, path.name)
     if segment.values.shape[1] != 3:
         raise InputError(
-            "not frequency, real and imaginary part", where=path.name, got=f"{segment.values.shape[1]} columns"
+            "not frequency, real and imaginary part",
+            where=path.name,
+            got=f"{segment.values.shape[1]} columns",
+            expected="3: frequency and two of one FRF",
+            advice="export each FRF into a file of its own",
         )
     if np.iscomplexobj(segment.values):
         raise InputError(
@@ -116,6 +120,8 @@ def _complex(segment: table.Segment, layout: Layout, where: str) -> Polar:
             "neither real and imaginary part nor magnitude and phase",
             where=where,
             got=", ".join(titles) or "no titles of the columns",
+            expected="the titles Frequency, Real, Imaginary or Frequency, Magnitude, Phase",
+            advice="export the FRF in one of these forms",
         )
     stated = next((cells for cells in lines if cells[0] == "Hz"), [])
     labels = dict(zip(titles, stated, strict=True)) if len(stated) == len(titles) else {}

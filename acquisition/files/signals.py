@@ -36,7 +36,12 @@ def rate_of(times: Float[np.ndarray, "sample"], where: str) -> float:
     InputError : fewer than two samples, or a step that is not constant.
     """
     if len(times) < 2 or not np.all(np.isfinite(times)) or times[-1] <= times[0]:
-        raise InputError("no increasing time axis", where=where, got=f"{len(times)} values")
+        raise InputError(
+            "no increasing time axis",
+            where=where,
+            got=f"{len(times)} values",
+            expected="two or more finite times, the last after the first",
+        )
     step = (times[-1] - times[0]) / (len(times) - 1)
     off = np.abs(times - times[0] - step * np.arange(len(times)))
     if off.max() > 0.25 * step:
@@ -176,7 +181,12 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
     for place in places:
         array = np.asarray(arrays[place])
         if array.dtype.kind not in "biuf":
-            raise InputError("no real numbers", where=arrays.where, got=f"{place} of type {array.dtype}")
+            raise InputError(
+                "no real numbers",
+                where=arrays.where,
+                got=f"{place} of type {array.dtype}",
+                advice="name arrays of real numbers by signals=[...]",
+            )
         block = array[None] if array.ndim == 1 else _channels_first(array, layout.axis)
         kept = np.ones(len(block), dtype=bool)
         if (
@@ -192,7 +202,13 @@ def recording(arrays: Arrays, layout: Layout) -> Contents:
         blocks.append(block[_rows(kept)])
     lengths = {block.shape[1] for block in blocks}
     if len(lengths) != 1:
-        raise InputError("the signals differ in length", where=arrays.where, got=", ".join(map(str, sorted(lengths))))
+        raise InputError(
+            "the signals differ in length",
+            where=arrays.where,
+            got=", ".join(map(str, sorted(lengths))) or "none that fits the times",
+            expected="one length for all",
+            advice="name signals of one length by signals=[...]",
+        )
     signals = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
     if layout.names is not None:
         names = _given_names(arrays, layout, len(signals))
@@ -309,7 +325,12 @@ def _rate(arrays: Arrays, layout: Layout, samples: int) -> float:
         rates = np.unique(arrays.vector(layout.sampling_rate))
         if len(rates) != 1:
             got = f"{len(rates)} values at {layout.sampling_rate}"
-            raise InputError("the sampling rate is not one number", where=arrays.where, got=got)
+            raise InputError(
+                "the sampling rate is not one number",
+                where=arrays.where,
+                got=got,
+                advice="say sampling_rate=... [Hz], or name the place of one number",
+            )
         stated = float(rates[0])
     elif layout.sampling_rate is not None:
         stated = float(layout.sampling_rate)

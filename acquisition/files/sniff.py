@@ -36,7 +36,11 @@ def head(path: Path) -> bytes:
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), advice="check the name and the folder") from None
     except (OSError, EOFError, zlib.error, ValueError) as error:
-        raise InputError(f"the file cannot be read: {error}", where=str(path)) from error
+        raise InputError(
+            f"the file cannot be read: {error}",
+            where=str(path),
+            advice="check that you may read it, or copy it again",
+        ) from error
     if not start:
         raise InputError("the file is empty", where=str(path), advice="measure or export it again")
     return start
@@ -72,7 +76,9 @@ def unpacked(path: Path) -> dict[str, Any]:
                 pieces.append(piece)
                 total += len(piece)
     except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"the packed file is damaged: {error}", where=str(path)) from error
+        raise InputError(
+            f"the packed file is damaged: {error}", where=str(path), advice="copy or pack it again"
+        ) from error
     if total > most:
         raise too_large(path, "more", packed)
     return {"bytes": np.frombuffer(b"".join(pieces), np.uint8)}

@@ -67,7 +67,9 @@ def read(path: Path, layout: Layout) -> Contents:
         start = second * channel["offset"] + channel["start"]
         sampled.append(Sampled(channel["name"], channel["unit"], channel["samples"], float(rate), start))
     if not sampled:
-        raise InputError("no channel with numbers over time in the file", where=path.name)
+        raise InputError(
+            "no channel with numbers over time in the file", where=path.name, advice="export the time signals"
+        )
     contents = recordings(sampled, layout, path.name, [(name, text) for name, text in there["metadata"]])
     notes += [
         Finding("info", "not-read", f"{path.name}, {name}", "the channel holds no numbers.") for name in there["left"]

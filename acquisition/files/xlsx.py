@@ -50,7 +50,11 @@ def read(path: Path, layout: Layout) -> Contents:
     if layout.sheet is not None and layout.sheet not in sheets:
         raise InputError("no such sheet", where=path.name, got=layout.sheet, expected="one of " + ", ".join(sheets))
     if not len(there["values"]):
-        raise InputError("no numbers in the workbook", where=path.name)
+        raise InputError(
+            "no numbers in the workbook",
+            where=path.name if layout.sheet is None else f"{path.name}, sheet {layout.sheet}",
+            advice="store the values as numbers, not as texts or as formulas that were never calculated",
+        )
     where = path.name if len(sheets) == 1 else f"{path.name}, sheet {there['sheet']}"
     texts: dict[int, dict[int, str]] = {}
     for row, column, text in there["texts"]:

@@ -139,7 +139,7 @@ def checked_run(name: str, others: Iterable[str]) -> str:
     """
     run = unicodedata.normalize("NFC", name)
     if not run or not all(letter.isalnum() or letter in "-_" for letter in run):
-        raise InputError("a run is named by letters, digits, - and _", got=name)
+        raise InputError("a run is named by letters, digits, - and _", got=name, expected="a name such as beam_1kN")
     if len(run) > LONGEST_RUN:
         raise InputError(
             "the name of the run is too long", got=f"{len(run)} characters", expected=f"at most {LONGEST_RUN}"

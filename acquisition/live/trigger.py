@@ -20,10 +20,16 @@ class Trigger:
 
     def __post_init__(self) -> None:
         if self.before < 0:
-            raise InputError("a take begins before its trigger or with it", got=f"{self.before} samples before it")
+            raise InputError(
+                "a take begins before its trigger or with it",
+                got=f"{self.before} samples before it",
+                expected="0 or more",
+            )
         if self.before >= self.length:
             raise InputError(
-                "the part of a take before its trigger is longer than the take", got=f"{self.before} of {self.length}"
+                "the part of a take before its trigger is no shorter than the take",
+                got=f"{self.before} of {self.length} samples",
+                advice="shorten pre_trigger or lengthen duration in [take]",
             )
 
     def cut(self, blocks: Iterator[Float[np.ndarray, "channel sample"]]) -> Float[np.ndarray, "channel sample"]:

@@ -232,7 +232,9 @@ def _measured(text: str, quantity: str, option: str) -> float:
     try:
         return quantities.measure(text, quantity)[0]
     except InputError as error:
-        raise InputError(error.what, where=option, got=error.got, expected=error.expected) from error
+        raise InputError(
+            error.what, where=option, got=error.got, expected=error.expected, advice=error.advice
+        ) from error
 
 
 def _day(text: str, option: str) -> date | None:

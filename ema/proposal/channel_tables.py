@@ -374,7 +374,9 @@ def _place_frfs(
     try:
         still["dof"] = str(Dof.parse(text))
     except EmaError as error:
-        raise InputError(error.what, where="fixed", got=error.got, expected=error.expected) from error
+        raise InputError(
+            error.what, where="fixed", got=error.got, expected=error.expected, advice=error.advice
+        ) from error
 
 
 def _from_names(series: Series, channels: list[dict[str, Any]], hammer: bool) -> list[dict[str, str]]:

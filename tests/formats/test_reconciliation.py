@@ -803,3 +803,12 @@ def test_an_end_and_a_beginning_on_one_line_take_no_data_set_along_in_silence(tm
     contents = acquisition.read(path)
     assert len(contents.modes) == 1
     assert any(f.code == "damaged-set" and "on one line" in f.message for f in contents.findings)
+
+
+def test_a_segment_without_a_time_step_is_not_said_to_differ_in_it(tmp_path: Path):
+    path = tmp_path / "step.lvm"
+    for steps, said in (("0\t0", "the time step is not above 0"), ("0.001\t0.002", "differ in their time step")):
+        text = "".join(lvm()).replace("Delta_X\t0.001\t0.001", f"Delta_X\t{steps}")
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=f"{said}; got {', '.join(steps.split())}, expected one Delta_X above 0"):
+            acquisition.read(path, units="m/s^2")

@@ -244,7 +244,7 @@ def test_a_take_begins_before_the_rise_wherever_the_blocks_end():
     np.testing.assert_array_equal(Trigger(0, 10.0, 20, 50).cut(iter([early])), early[:, 180:230])
     with pytest.raises(InputError, match="ended before a take was whole"):
         Trigger(0, 10.0, 20, 900).cut(iter([early]))
-    with pytest.raises(InputError, match="longer than the take"):
+    with pytest.raises(InputError, match="no shorter than the take"):
         Trigger(0, 1.0, 50, 50)
 
 

@@ -33,10 +33,20 @@ def contents(parsed: dict[str, Any], layout: Layout, where: str) -> Contents:
     if not len(nodes):
         raise InputError("the file holds no nodes", where=where, advice="write the mesh into the file as well")
     if not np.all(np.isfinite(xyz)):
-        raise InputError("a coordinate is NaN or infinite", where=where, got=f"node {nodes[_first_bad(xyz)]}")
+        raise InputError(
+            "a coordinate is NaN or infinite",
+            where=where,
+            got=f"node {nodes[_first_bad(xyz)]}",
+            advice="correct the mesh and export it again",
+        )
     if len(np.unique(nodes)) < len(nodes):
         values, counts = np.unique(nodes, return_counts=True)
-        raise InputError("a node number occurs twice", where=where, got=int(values[counts > 1][0]))
+        raise InputError(
+            "a node number occurs twice",
+            where=where,
+            got=int(values[counts > 1][0]),
+            advice="give each node a number of its own and export the file again",
+        )
     unit = units.parse(layout.unit or UNSTATED)
     if unit.stated and unit.quantity != "displacement":
         raise units.UnitError("not a unit of length", where=where, got=repr(layout.unit), expected="m, mm, in ...")
@@ -51,11 +61,20 @@ def _model(parsed: dict[str, Any], where: str) -> ModalModel:
     """The modes: undamped and, since the units of mass are not stated, unscaled."""
     frequencies, shapes = np.asarray(parsed["frequencies"], float), np.asarray(parsed["shapes"], float)
     if not np.all(np.isfinite(frequencies)) or not np.all(np.isfinite(shapes)):
-        raise InputError("a natural frequency or a mode shape is NaN or infinite", where=where)
+        raise InputError(
+            "a natural frequency or a mode shape is NaN or infinite",
+            where=where,
+            advice="check the modal analysis and export its results again",
+        )
     # A free structure has rigid-body modes, at 0 Hz but for rounding: as modes they have no pole of their own.
     elastic = frequencies > 1e-6 * np.max(frequencies, initial=0.0)
     if not elastic.any():
-        raise InputError("the file holds no mode above 0 Hz", where=where, got=f"{len(frequencies)} modes")
+        raise InputError(
+            "the file holds no mode above 0 Hz",
+            where=where,
+            got=f"{len(frequencies)} modes",
+            advice="compute elastic modes as well and export the results again",
+        )
     return ModalModel(
         poles_from(frequencies[elastic], np.zeros(int(elastic.sum()))),
         shapes[elastic].reshape(int(elastic.sum()), -1).T.astype(complex),

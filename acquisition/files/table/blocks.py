@@ -75,7 +75,12 @@ def parse(text: str, layout: Layout, where: str) -> list[Segment]:
     longest = max((len(segment.values) for segment in segments), default=0)
     segments = damage.without_single_rows(segments, layout, where) if longest > 1 else segments
     if not segments:
-        raise InputError("no table of numbers in the file", where=where, got=repr(text[:40]))
+        raise InputError(
+            "no table of numbers in the file",
+            where=where,
+            got=repr(text[:40]),
+            advice="export it as a table of numbers, or say delimiter='...' and decimal='...'",
+        )
     return segments
 
 

@@ -82,7 +82,12 @@ def _days(dates: list[str], where: str) -> list[int]:
     try:
         return [date(*(part[place] for place in order)).toordinal() for part in parts]
     except ValueError as error:
-        raise InputError(f"a time stamp with a date that is none: {error}", where=where) from error
+        raise InputError(
+            f"a time stamp with a date that is none: {error}",
+            where=where,
+            expected="dates such as 2024-03-01",
+            advice="export with ISO dates or with seconds",
+        ) from error
 
 
 def _retitle(lines: list[str], first: int, delimiter: str, apart: bool) -> None:

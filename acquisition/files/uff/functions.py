@@ -229,7 +229,9 @@ def _recording(
     if first.header.even:
         step = clock.factor * first.header.step
         if not 1e-12 < step < 1e9:
-            raise InputError("no time step in the header", where=name, got=f"{step:g} s")
+            raise InputError(
+                "no time step in the header", where=name, got=f"{step:g} s", expected="between 1e-12 and 1e9 s"
+            )
         rate = nice_rate(step, 0.5 * 10.0 ** (1 - min(first.header.step_digits, 12)))
     else:
         rate = rate_of(clock.factor * first.x[:length], name)
@@ -402,7 +404,12 @@ def _frf_set(
         if line.factor != 1.0:
             target *= line.factor
     if np.any(np.diff(frequencies) <= 0) or not np.isfinite(frequencies).all():
-        raise InputError("the frequencies do not increase", where=name)
+        raise InputError(
+            "the frequencies do not increase",
+            where=name,
+            got=f"{len(frequencies)} lines",
+            expected="finite frequencies, each above the one before",
+        )
     made.findings.extend(not_finite(block, name))
     coherence = _coherence(coherences, first, outputs, inputs, fetch)
     dates = sorted({_header(line.entry).ids[2] for line in lines})

@@ -266,15 +266,28 @@ def write_modes(model: ModalModel, case: int = 1) -> bytes:
     InputError : poles or shapes that are not finite, or a model without a translation or rotation.
     """
     if not (np.isfinite(model.shapes).all() and np.isfinite(model.poles).all()):
-        raise InputError("mode shapes and poles that are not finite cannot be written", where=model.name)
+        raise InputError(
+            "mode shapes and poles that are not finite cannot be written",
+            where=model.name,
+            advice="leave the bad modes or DOFs out first",
+        )
     nodes = list(dict.fromkeys(dof.node for dof in model.dofs))
     rows = {node: place for place, node in enumerate(nodes)}
     codes = [abs(dof.uff_direction) for dof in model.dofs]
     if 0 in codes and max(codes) > 0:
-        raise InputError("scalar and directed DOFs together cannot be written in data set 55", where=model.name)
+        raise InputError(
+            "scalar and directed DOFs together cannot be written in data set 55",
+            where=model.name,
+            advice="give every DOF a direction, such as 12:+Z",
+        )
     places = [(rows[dof.node], code) for dof, code in zip(model.dofs, codes, strict=True)]
     if len(set(places)) < len(places):
-        raise InputError("a DOF occurs twice", where=model.name)
+        raise InputError(
+            "a DOF occurs twice",
+            where=model.name,
+            got=next(str(dof) for dof, place in zip(model.dofs, places, strict=True) if places.count(place) > 1),
+            advice="keep one of them; data set 55 states neither parts nor senses",
+        )
     count = 1 if max(codes) == 0 else 3 if max(codes) <= 3 else 6
     real = not np.any(model.shapes.imag) and model.scaling != "unscaled"
     scale = _modal_scale(model)

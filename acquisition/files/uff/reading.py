@@ -89,7 +89,11 @@ def list_sets(path: "str | PathLike[str]") -> tuple[Entry, ...]:
         with opened(Path(path)) as file:
             return index(file)
     except OSError as error:
-        raise InputError(f"the file cannot be read: {error.strerror}", where=str(path)) from error
+        raise InputError(
+            f"the file cannot be read: {error.strerror or error}",
+            where=str(path),
+            advice="check the name, and that it is a file that you may read",
+        ) from error
 
 
 def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) -> tuple[Function, ...]:
@@ -107,7 +111,9 @@ def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) ->
         try:
             found = tuple(fetch(file, entry) for entry in entries)
         except ValueError as error:
-            raise InputError(f"a function is damaged: {error}", where=Path(path).name) from error
+            raise InputError(
+                f"a function is damaged: {error}", where=Path(path).name, advice="export the file again"
+            ) from error
         for entry, function in zip(entries, found, strict=True):
             if function.problem or len(function.y) != function.header.points:
                 raise InputError(

@@ -59,7 +59,7 @@ def write(path: Path, nouns: Sequence[Any], binary: bool = False, created: datet
     for noun in flat:
         _check(noun, path)
     if path.is_dir():
-        raise InputError("a folder, not a file", where=str(path))
+        raise InputError("a folder, not a file", where=str(path), advice="name a file inside it")
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.write(_preamble(path.stem, created or datetime.now()))
         for number, noun in enumerate(flat):
