@@ -55,7 +55,13 @@ def load_fields(path: str | Path, *fields: str, name: str | None = None) -> dict
                 if part is None:
                     return None
                 if not isinstance(part, dict) or step not in part or step.startswith("$"):
-                    raise InputError("no such field in the file", where=str(path), got=field)
+                    known = sorted(part.keys() - {"$noun"}) if isinstance(part, dict) and "$noun" in part else []
+                    raise InputError(
+                        "no such field in the file",
+                        where=str(path),
+                        got=field,
+                        expected="one of " + (", ".join(known) or "no field"),
+                    )
                 part = part[step]
             return decode(
                 part,
