@@ -69,7 +69,7 @@ class LivePage:
         InputError : there is no such view.
         """
         if name != "take":
-            raise InputError("there is no such view", got=name)
+            raise InputError("there is no such view", got=name, expected="take")
         return {
             "title": self.title,
             "asked": self.asked,
@@ -85,7 +85,11 @@ class LivePage:
         ------
         InputError : always.
         """
-        raise InputError("there is no such action", got=name)
+        raise InputError(
+            "there is no such action",
+            got=name,
+            advice="control the measurement where it was started: this page only follows it",
+        )
 
     def export(self, kind: str) -> tuple[str, bytes]:
         """Refuse: the takes are files already.
@@ -94,7 +98,9 @@ class LivePage:
         ------
         InputError : always.
         """
-        raise InputError("there is no such export", got=kind)
+        raise InputError(
+            "there is no such export", got=kind, advice="use the files of the takes in the folder of the campaign"
+        )
 
 
 def _verdict(take: "Take") -> dict[str, Any]:

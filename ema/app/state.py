@@ -138,7 +138,11 @@ class Workbench:
 
     def __post_init__(self) -> None:
         if not self.result.runs:
-            raise InputError("the study has no run to work on", where=str(self.path))
+            raise InputError(
+                "the study has no run to work on",
+                where=str(self.path),
+                advice='name a run with records or FRFs in a recipe, such as runs = ["bare"]',
+            )
         self._now = Moment(tuple(Work(run, _picked(run)) for run in self.result.runs), "")
 
     @property
@@ -319,7 +323,11 @@ class Workbench:
                 raise InputError("no such impact", got=hit, expected=f"one of {len(gallery.hits) if gallery else 0}")
             impact, name = gallery.hits[hit], work.result.run.id
             if not why.strip() or not who.strip():
-                raise InputError("an exclusion needs a reason and a name", where=f"run {name}, {impact.recording}")
+                raise InputError(
+                    "an exclusion needs a reason and a name",
+                    where=f"run {name}, {impact.recording}",
+                    advice="say why the impact is left out and who decided it",
+                )
             if self.again is None:
                 raise InputError(
                     "the impact cannot be excluded: the signals are not available",
@@ -497,7 +505,11 @@ class Workbench:
             raise InputError("no such map", got=chart + 1, expected=f"one of {len(self.maps)}")
         modal_map = self.maps[chart]
         if not (0 <= level < len(modal_map.force_levels) and 0 <= force < len(modal_map.normal_forces)):
-            raise InputError("no such point of the map", got=f"level {level}, force {force}")
+            raise InputError(
+                "no such point of the map",
+                got=f"level {level}, force {force}",
+                expected=f"level 0 to {len(modal_map.force_levels) - 1}, force 0 to {len(modal_map.normal_forces) - 1}",
+            )
         wanted = np.array([modal_map.force_levels[level], modal_map.normal_forces[force]])
         distances = {}
         for run in runs:
@@ -515,7 +527,11 @@ class Workbench:
     def _poles(self) -> PoleTable:
         poles = self.work.result.poles
         if poles is None:
-            raise InputError("this run has no stabilisation diagram to pick from", where=self.work.result.run.id)
+            raise InputError(
+                "this run has no stabilisation diagram to pick from",
+                where=self.work.result.run.id,
+                advice="put the poles of ema.fit.stabilise into the result (RunResult.poles)",
+            )
         return poles
 
     def _pick(self, rows: Sequence[int], what: str) -> None:

@@ -121,7 +121,11 @@ def frf(bench: Workbench, output: int, input_: int) -> dict[str, Any]:
     run = bench.work.result
     frfs = run.frfs
     if not (0 <= output < len(frfs.outputs) and 0 <= input_ < len(frfs.inputs)):
-        raise InputError("no such FRF", got=f"response {output}, force {input_}")
+        raise InputError(
+            "no such FRF",
+            got=f"response {output}, force {input_}",
+            expected=f"response 0 to {len(frfs.outputs) - 1}, force 0 to {len(frfs.inputs) - 1}",
+        )
     answer: dict[str, Any] = {
         "outputs": [str(dof) for dof in frfs.outputs],
         "inputs": [str(dof) for dof in frfs.inputs],
@@ -208,7 +212,9 @@ def pulse(bench: Workbench, hit: int) -> dict[str, Any]:
     """
     gallery = bench.work.result.hits
     if gallery is None or not 0 <= hit < len(gallery.hits):
-        raise InputError("no such impact", got=hit)
+        raise InputError(
+            "no such impact", got=hit, expected=f"one of {len(gallery.hits) if gallery else 0}, counted from 0"
+        )
     impact = gallery.hits[hit]
     return {
         "time": numbers(1e3 * np.arange(len(impact.pulse)) / impact.sampling_rate, 5),
@@ -225,7 +231,7 @@ def chart(bench: Workbench, place: int) -> dict[str, Any]:
     InputError : there is no such map.
     """
     if not 0 <= place < len(bench.maps):
-        raise InputError("no such map", got=place)
+        raise InputError("no such map", got=place, expected=f"one of {len(bench.maps)}, counted from 0")
     modal_map = bench.maps[place]
     return {
         "levels": numbers(modal_map.force_levels),

@@ -56,7 +56,11 @@ class WorkbenchPage:
                 return places.placement_view(bench, int(query.get("number", 0)))
             case "place":
                 return places.place_view(bench, int(query.get("number", 0)), int(query.get("candidate", 0)))
-        raise InputError("there is no such view", got=name)
+        raise InputError(
+            "there is no such view",
+            got=name,
+            expected="one of overview, poles, frf, matrix, motion, hits, pulse, chart, point, placement, place",
+        )
 
     def act(self, name: str, request: dict[str, Any], changed: Callable[[], None]) -> dict[str, Any]:
         """Do what the page asks for, and answer with the overview.
@@ -79,7 +83,7 @@ class WorkbenchPage:
             ),
         }
         if name not in actions:
-            raise InputError("there is no such action", got=name)
+            raise InputError("there is no such action", got=name, expected="one of " + ", ".join(actions))
         self.busy = name
         changed()
         try:

@@ -78,7 +78,9 @@ class Query(Container):
                     expected="the lowest first",
                 )
         if self.since is not None and self.until is not None and self.since > self.until:
-            raise InputError("the first day is after the last", got=f"{self.since} and {self.until}")
+            raise InputError(
+                "the first day is after the last", got=f"{self.since} and {self.until}", expected="the earlier first"
+            )
 
 
 class Observation(NamedTuple):

@@ -78,7 +78,12 @@ def names(archive: Path) -> set[str]:
     except FileNotFoundError:
         pass
     except OSError as error:
-        raise InputError("the archive cannot be read", where=str(archive), got=error.strerror) from error
+        raise InputError(
+            "the archive cannot be read",
+            where=str(archive),
+            got=error.strerror,
+            advice="name the folder of the archive, and check that you may read it",
+        ) from error
     raise InputError(
         "there is no archive here",
         where=str(archive),
@@ -144,7 +149,12 @@ def make(archive: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FailureError("the archive cannot be made", where=str(archive), got=error.strerror) from error
+        raise FailureError(
+            "the archive cannot be made",
+            where=str(archive),
+            got=error.strerror,
+            advice="choose a folder that can be written and has space",
+        ) from error
     return folder
 
 
@@ -199,13 +209,25 @@ def read(archive: Path, name: str) -> Part:
         text = gzip.decompress(path.read_bytes())
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(
-            "a part of the archive cannot be read", where=str(path), got=str(error) or "its end"
+            "a part of the archive cannot be read",
+            where=str(path),
+            got=str(error) or "its end",
+            expected="a gzip file that is whole and may be read",
         ) from error
     if hashlib.sha256(text).hexdigest() != name:
-        raise InputError("a part of the archive is damaged", where=str(path), got="another content than its name says")
+        raise InputError(
+            "a part of the archive is damaged",
+            where=str(path),
+            got="another content than its name says",
+            expected="content whose SHA-256 is the name of the file",
+        )
     whole = json.loads(text)
     if not isinstance(whole, dict) or whole.get("format") != FORMAT or not isinstance(whole.get("schema"), int):
-        raise InputError("not a part of an archive", where=str(path))
+        raise InputError(
+            "not a part of an archive",
+            where=str(path),
+            expected=f'JSON with the format "{FORMAT}" and a schema version',
+        )
     if whole["schema"] > SCHEMA_VERSION:
         raise InputError(
             "a part of the archive was written by a newer friction-ema",

@@ -104,7 +104,12 @@ def _write(target: Path, text: str) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FailureError("the folder cannot be made", where=str(target.parent), got=error.strerror) from error
+        raise FailureError(
+            "the folder cannot be made",
+            where=str(target.parent),
+            got=error.strerror,
+            advice="choose another one with --output",
+        ) from error
     with store.replacing(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

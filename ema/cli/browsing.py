@@ -187,7 +187,7 @@ def maps_of(path: Path) -> list[ModalMap]:
     """
     maps = [*_contents(path, ModalMap), *(result.chart for result in _contents(path, MapResult))]
     if not maps:
-        raise InputError("the file holds no modal map", where=str(path))
+        raise InputError("the file holds no modal map", where=str(path), advice="`ema map` writes one")
     return maps
 
 
@@ -247,7 +247,12 @@ class Keeper:
             files.parse(text, str(self._path))
             write_bytes(self._path, text.encode(), "the campaign")
         except OSError as error:
-            raise FailureError("the excluded impacts cannot be written", where=str(self._path)) from error
+            raise FailureError(
+                "the excluded impacts cannot be written",
+                where=str(self._path),
+                got=error.strerror,
+                advice="check that the file is still there and that you may read and write it",
+            ) from error
         self._written = text
 
 

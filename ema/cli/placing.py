@@ -157,7 +157,11 @@ def _of_file(path: Path) -> "tuple[ModalModel, Geometry]":
     from ema.store.reading import containers
 
     if not path.exists():
-        raise InputError("there is no such file with modes", where=str(path))
+        raise InputError(
+            "there is no such file with modes",
+            where=str(path),
+            advice="correct `modes` in the recipe; its paths start from the folder of the recipe",
+        )
     if path.suffix.lower() == ".h5" and store.is_store(path):
         items = containers(path)
     else:

@@ -173,7 +173,12 @@ def _write_rig(folder: Path) -> None:
         if not file.exists():
             file.write_bytes((files("ema.datasets") / "virtual_rig.toml").read_bytes())
     except OSError as error:
-        raise FailureError("the rig file cannot be written", where=str(file), got=error.strerror) from error
+        raise FailureError(
+            "the rig file cannot be written",
+            where=str(file),
+            got=error.strerror,
+            advice="name a folder that can be written and has space",
+        ) from error
 
 
 @dataclass

@@ -128,7 +128,12 @@ def signals(
             advice="resample the simulation",
         )
     if not (np.all(np.isfinite(measured)) and np.all(np.isfinite(simulated))):
-        raise InputError("a signal holds NaN or infinite values", where="comparison")
+        raise InputError(
+            "a signal holds NaN or infinite values",
+            where="comparison",
+            got=f"{np.sum(~np.isfinite(measured))} measured and {np.sum(~np.isfinite(simulated))} simulated ones",
+            advice="repair the channel or the simulation that they come from",
+        )
     if not 0 < band[0] < band[1] < 0.5 * sampling_rate:
         raise InputError("not a band", where="comparison", got=f"{band} Hz", expected="0 < low < high < half the rate")
     if len(measured) * band[0] < 10 * sampling_rate:

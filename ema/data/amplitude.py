@@ -193,7 +193,12 @@ class AmplitudeDependentMode(Container):
         freeze(self, amplitude=np.float64, force=np.float64, shape=np.complex128, shape_half=np.float64)
         check_axes(self)
         if not len(self.amplitude) == len(self.frequency.value) == len(self.damping.value):
-            raise InputError("amplitudes, frequencies and damping ratios of unequal number", where=self.name)
+            raise InputError(
+                "amplitudes, frequencies and damping ratios of unequal number",
+                where=self.name,
+                got=f"{len(self.amplitude)}, {len(self.frequency.value)} and {len(self.damping.value)}",
+                expected="as many of each",
+            )
         if np.any(np.diff(self.amplitude) <= 0) or not np.all(self.amplitude > 0):
             raise InputError("amplitudes that do not rise", where=self.name, expected="positive, lowest first")
 

@@ -110,7 +110,11 @@ class Geometry(Container):
         array([-0., -0., -1.])
         """
         if dof.direction == SCALAR:
-            raise InputError("a scalar DOF has no direction in space", where=str(dof))
+            raise InputError(
+                "a scalar DOF has no direction in space",
+                where=str(dof),
+                expected=f"a translation or rotation such as {dof.node}:+Z or {dof.node}:+RX",
+            )
         axis = "XYZ".index(dof.axis[-1])
         basis = np.eye(3) if self.axes is None else self.axes[self.place(dof.node)]
         return dof.sign * np.asarray(basis[axis], dtype=np.float64)

@@ -78,7 +78,12 @@ def known_mass(frfs: FrfSet, mass: float, band: tuple[float, float], output: int
     0.9804
     """
     if frfs.quantity != "accelerance":
-        raise InputError("known-mass calibration needs accelerance", where=frfs.name, got=frfs.quantity)
+        raise InputError(
+            "known-mass calibration needs accelerance",
+            where=frfs.name,
+            got=frfs.quantity,
+            advice="state the unit of the response channel, or convert the FRFs by ema.synthesis.convert",
+        )
     if not mass > 0:
         raise InputError("not a mass", where=frfs.name, got=mass, expected="more than 0 kg")
     values = frfs.band(*band).values[:, output, input_] * mass

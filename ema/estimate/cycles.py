@@ -88,7 +88,11 @@ def _channel(record: Recording, name: str, quantity: str) -> Float[np.ndarray, "
         )
     values = np.asarray(record.signals[row], dtype=np.float64)
     if not np.all(np.isfinite(values)):
-        raise InputError("the signal holds NaN or infinity", where=f"{where}, {record.channels[row].name}")
+        raise InputError(
+            "the signal holds NaN or infinity",
+            where=f"{where}, {record.channels[row].name}",
+            advice="cut the record or repair the channel",
+        )
     return values
 
 
@@ -97,6 +101,12 @@ def _period(x: Float[np.ndarray, "sample"], where: str) -> float:
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)), 4 * len(x)))
     top = int(np.argmax(power[1:-1])) + 1
     if not power[top] > 0:
-        raise InputError("the joint does not move", where=where, got="a constant displacement")
+        raise InputError(
+            "the joint does not move",
+            where=where,
+            got="a constant displacement",
+            expected="a periodic one",
+            advice="check the displacement channel",
+        )
     a, b, c = np.log(np.maximum(power[top - 1 : top + 2], 1e-300))
     return float(4 * len(x) / (top + 0.5 * (a - c) / (a - 2 * b + c)))

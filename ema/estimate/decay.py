@@ -332,7 +332,13 @@ def _samples(signal: Recording | Response, channel: str | Dof | None) -> tuple[n
     """Values, sampling rate and name of what is asked for."""
     if isinstance(signal, Response):
         if len(signal.times) < 2:
-            raise InputError("the response has no length", where=signal.name, got=f"{len(signal.times)} samples")
+            raise InputError(
+                "the response has no length",
+                where=signal.name,
+                got=f"{len(signal.times)} samples",
+                expected="2 or more",
+                advice="simulate a longer time",
+            )
         rate = 1 / float(signal.times[1] - signal.times[0])
         wanted = signal.dofs[0] if channel is None else Dof.parse(channel)
         matches = match([wanted], signal.dofs)

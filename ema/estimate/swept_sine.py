@@ -258,7 +258,12 @@ def _check(
     InputError : another rate, other responses, several forces, or fewer samples than a block.
     """
     if len(this.references) > 1:
-        raise InputError("a sweep has one force channel", where=where, got=f"{len(this.references)}")
+        raise InputError(
+            "a sweep has one force channel",
+            where=where,
+            got=f"{len(this.references)}",
+            advice="sweep one shaker at a time, or give a channel of no shaker the role 'other'",
+        )
     if other_rate != rate:
         raise InputError(
             "the records of the run differ in sampling rate",
@@ -304,7 +309,12 @@ def _lines(frequencies: np.ndarray, total: Sums, band: tuple[float, float] | Non
         inside = inside[(inside >= max(low // 2, 1)) & (inside <= 2 * high)]
         first, last = int(inside[0]), int(inside[-1]) + 1
     if last <= first:
-        raise InputError("no frequency line in the band", where=where, got=f"{band}")
+        raise InputError(
+            "no frequency line in the band",
+            where=where,
+            got=f"{band} Hz",
+            expected=f"a band inside 0 to {frequencies[-1]:g} Hz, whose lines are {frequencies[1]:.3g} Hz apart",
+        )
     return slice(int(first), int(last))
 
 

@@ -87,7 +87,12 @@ def prepare(frfs: FrfSet, fewest: int = 16) -> Prepared:
             "the frequency axis does not increase", where=where, advice="sort the lines and drop repeated ones"
         )
     if values.size == 0:
-        raise InputError("there are no FRFs to fit", where=where, got=f"shape {values.shape}")
+        raise InputError(
+            "there are no FRFs to fit",
+            where=where,
+            got=f"shape {values.shape}",
+            expected="at least one response and one force",
+        )
     if not np.isfinite(np.vdot(values, values).real):
         bad = ~np.isfinite(values)
         output, input_ = np.argwhere(bad.any(axis=0))[0]

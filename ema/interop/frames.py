@@ -89,12 +89,21 @@ def _columns(table: "pd.DataFrame", name: str) -> tuple[Float[np.ndarray, "n 3"]
     """Positions and directions, the latter of length 1."""
     missing = [column for column in (*_POSITION, *_DIRECTION) if column not in table]
     if missing:
-        raise InputError("not a table of pyFBS", where=name, got="no column " + ", ".join(missing))
+        raise InputError(
+            "not a table of pyFBS",
+            where=name,
+            got="no column " + ", ".join(missing),
+            expected="Position_1 to Position_3 and Direction_1 to Direction_3",
+        )
     positions = table[_POSITION].to_numpy(float)
     directions = table[_DIRECTION].to_numpy(float)
     length = np.linalg.norm(directions, axis=1)
     if np.any(length < _SAME):
-        raise InputError("a direction of length zero", where=f"{name}, row {int(np.argmin(length))}")
+        raise InputError(
+            "a direction of length zero",
+            where=f"{name}, row {int(np.argmin(length))}",
+            advice="state Direction_1 to Direction_3 of this row",
+        )
     return positions, directions / length[:, None]
 
 
@@ -170,7 +179,11 @@ def to_pyfbs(
         """Rows of DOFs with the places [m] and directions of their nodes, as pyFBS names its columns."""
         wrong = [dof for dof in dofs if dof.axis not in ("X", "Y", "Z")]
         if wrong:
-            raise InputError("pyFBS knows translations only in these tables", got=str(wrong[0]))
+            raise InputError(
+                "pyFBS knows translations only in these tables",
+                got=str(wrong[0]),
+                advice="leave the other DOFs out by FrfSet.pick",
+            )
         head = {"Name": [str(dof) for dof in dofs], "Quantity": quantity, "Grouping": [dof.node for dof in dofs]}
         places = np.array([geometry.xyz[geometry.place(dof.node)] for dof in dofs]).reshape(-1, 3)
         senses = np.array([geometry.direction(dof) for dof in dofs]).reshape(-1, 3)

@@ -84,7 +84,10 @@ def _frfs(functions: np.ndarray, quantity: str) -> FrfSet:
 def _modes(shapes: np.ndarray) -> ModalModel:
     coordinates = shapes["coordinate"]
     if not np.all(coordinates == coordinates[0]):
-        raise InputError("the shapes do not share their coordinates")
+        raise InputError(
+            "the shapes do not share their coordinates",
+            advice="give all shapes the same coordinates in the same order, or convert them one by one",
+        )
     shapes = shapes[np.argsort(shapes["frequency"], kind="stable")]
     return ModalModel(
         poles=poles_from(shapes["frequency"], shapes["damping"]),

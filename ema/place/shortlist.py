@@ -451,7 +451,10 @@ class KeptPlaces:
                 former.unlink(missing_ok=True)
         except OSError as error:
             raise FailureError(
-                "the finished places cannot be kept", where=str(self.folder), got=error.strerror or str(error)
+                "the finished places cannot be kept",
+                where=str(self.folder),
+                got=error.strerror or str(error),
+                advice="choose a folder that can be written and has space",
             ) from error
 
     def _former(self, question: str) -> list[Path]:

@@ -69,7 +69,11 @@ def write(
     paths = [base.with_name(f"{base.name}.{name}") for name in wanted] if formats else [path]
     for each in (path, *paths):
         if each.is_dir():
-            raise FailureError("the report cannot be written: a folder has its name", where=str(each))
+            raise FailureError(
+                "the report cannot be written: a folder has its name",
+                where=str(each),
+                advice="choose another name, or rename the folder",
+            )
     book = Book(png="docx" in wanted, executor=executor)
     tables = base.with_name(f"{base.name}_tables")
     with speaking(language or getattr(result, "language", SOURCE)):

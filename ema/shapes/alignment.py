@@ -152,7 +152,12 @@ def align(test: Geometry, model: Geometry, *, modes: tuple[ModalModel, ModalMode
     for geometry in (test, model):
         if not np.all(np.isfinite(geometry.xyz)):
             bad = geometry.nodes[~np.isfinite(geometry.xyz).all(axis=1)][0]
-            raise InputError("a coordinate is NaN or infinite", where=geometry.name, got=f"node {bad}")
+            raise InputError(
+                "a coordinate is NaN or infinite",
+                where=geometry.name,
+                got=f"node {bad}",
+                advice="correct this node, or leave it out of the geometry",
+            )
     if len(points) < 2 or not np.ptp(points) > 0 or not np.ptp(model.xyz, axis=0).max(initial=0.0) > 0:
         raise InputError(
             "the points have no orientation",

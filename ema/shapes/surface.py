@@ -344,7 +344,12 @@ def _common(directions: np.ndarray, along: np.ndarray, where: str) -> np.ndarray
     square = directions - np.outer(directions @ along, along)
     _, strength, turned = np.linalg.svd(square, full_matrices=False)
     if strength[0] < 1e-6:
-        raise InputError("no measurement across the row of points", where=where, got="motion along the row only")
+        raise InputError(
+            "no measurement across the row of points",
+            where=where,
+            got="motion along the row only",
+            advice="measure the points across the row as well",
+        )
     return np.asarray(turned[0])
 
 

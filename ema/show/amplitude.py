@@ -254,7 +254,11 @@ def nonlinear_mode(mode: NonlinearMode) -> Figure:
     2
     """
     if not np.isfinite(mode.frequencies).any():
-        raise InputError("no level has a solution", where=mode.name or text("nonlinear mode"))
+        raise InputError(
+            "no level has a solution",
+            where=mode.name or text("nonlinear mode"),
+            advice="ask for amplitudes closer together, or use resonances at force levels",
+        )
     figure = new_figure(4.2)
     frequency, damping = figure.subplots(2, 1, sharex=True)
     for axes, values in ((frequency, mode.frequencies), (damping, 100 * mode.damping_ratios)):

@@ -152,7 +152,12 @@ def _mp4(path: Path, scenes: list[Scene], frames: int) -> None:
     done = subprocess.run(command, input=_bytes(pictures), capture_output=True)
     if done.returncode:
         last = done.stderr.decode(errors="replace").strip().splitlines()
-        raise FailureError("ffmpeg failed", where=str(path), got=last[-1] if last else f"status {done.returncode}")
+        raise FailureError(
+            "ffmpeg failed",
+            where=str(path),
+            got=last[-1] if last else f"status {done.returncode}",
+            advice="write a .gif, which needs no ffmpeg",
+        )
 
 
 def _bytes(pictures: Iterable[np.ndarray]) -> bytes:

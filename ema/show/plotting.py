@@ -144,7 +144,7 @@ def _run(run: data.Run, **options: Any) -> Figure:
         return signals(run.recordings[0], **options)
     if run.levels:
         return stepped_levels(run.levels, **options)
-    raise InputError("the run holds no measurement", where=run.id)
+    raise InputError("the run holds no measurement", where=run.id, expected="FRFs, records or stepped levels")
 
 
 def _study(study: data.StudyResult, **options: Any) -> Figure:

@@ -53,7 +53,7 @@ def geometry(
     'extent: 0.5 m x 0 m x 0 m'
     """
     if not len(geometry.nodes):
-        raise InputError("a geometry without points cannot be drawn", where=geometry.name)
+        raise InputError("a geometry without points cannot be drawn", where=geometry.name, expected="one node or more")
     sides = np.ptp(geometry.xyz, axis=0)
     arrow = 0.12 * (float(sides.max()) or 1.0)
     figure = Figure(figsize=(9, 5))

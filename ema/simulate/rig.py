@@ -126,7 +126,12 @@ class Rig(ABC):
                 )
         unknown = set(self.reversed_sensors) - {channel.name for channel in self.responses}
         if unknown:
-            raise InputError("no such response channel", where=self.name, got=", ".join(sorted(unknown)))
+            raise InputError(
+                "no such response channel",
+                where=self.name,
+                got=", ".join(sorted(unknown)),
+                expected="one of " + ", ".join(channel.name for channel in self.responses),
+            )
 
     @property
     def channels(self) -> tuple[Channel, ...]:

@@ -170,7 +170,13 @@ class VirtualRig(Rig):
                 (_, k, sign), (_, i, other) = rows[0], columns[0]
                 break
         else:
-            raise InputError("the virtual structure has no such pair of DOFs", where=self.name, got=f"{output}/{force}")
+            raise InputError(
+                "the virtual structure has no such pair of DOFs",
+                where=self.name,
+                got=f"{output}/{force}",
+                expected=f"one of {', '.join(map(str, model.dofs[:20]))} "
+                f"with one of {', '.join(map(str, model.inputs[:20]))}",
+            )
         values = model.shapes[k] * model.participation[i]
         upper = 0j
         if rest is not None:

@@ -130,7 +130,11 @@ def decode(
         case {"$noun": str() as name}:
             members = {key: decode(member, array, item, window) for key, member in tree.items() if key != "$noun"}
             return _build(name, members)
-    raise InputError("holds something that this version does not know", got=str(tree)[:60])
+    raise InputError(
+        "holds something that this version does not know",
+        got=str(tree)[:60],
+        advice="update with: pip install -U friction-ema; if that does not help, read the file from a backup",
+    )
 
 
 def _build(name: str, members: dict[str, Any]) -> Any:
@@ -150,4 +154,7 @@ def _build(name: str, members: dict[str, Any]) -> Any:
     except EmaError:
         raise
     except Exception as error:  # whatever a damaged file makes a constructor raise, the caller gets one sentence
-        raise InputError(f"{name} in the file is damaged ({str(error).splitlines()[0][:120]})") from error
+        raise InputError(
+            f"{name} in the file is damaged ({str(error).splitlines()[0][:120]})",
+            advice="read the file from a backup, or measure or compute it again",
+        ) from error

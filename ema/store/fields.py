@@ -55,7 +55,17 @@ def load_fields(path: str | Path, *fields: str, name: str | None = None) -> dict
                 if part is None:
                     return None
                 if not isinstance(part, dict) or step not in part or step.startswith("$"):
-                    raise InputError("no such field in the file", where=str(path), got=field)
+                    raise InputError(
+                        "no such field in the file",
+                        where=str(path),
+                        got=field,
+                        expected="one of "
+                        + (
+                            ", ".join(sorted(part.keys() - {"$noun"}))
+                            if isinstance(part, dict) and "$noun" in part
+                            else "no field"
+                        ),
+                    )
                 part = part[step]
             return decode(
                 part,

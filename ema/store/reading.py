@@ -194,7 +194,7 @@ def record_of(path: Path, place: int, in_file: int) -> Recording:
         group, state = f"{ITEMS}/{place}", _state(path)
         tree = _tree(file, group)
         if tree.get("$noun") != "Recording":
-            raise InputError("not a record", where=str(path), got=tree.get("$noun"))
+            raise InputError("not a record", where=str(path), got=tree.get("$noun"), expected="Recording")
         node = tree["signals"]
         signals = _dataset(file[group], node["$array"])
         if signals.size * signals.dtype.itemsize < in_file or signals.ndim != 2 or signals.dtype.kind != "f":
@@ -258,7 +258,13 @@ def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[
             raise InputError("no such record in the file", where=str(path), got=name, expected=", ".join(names[:20]))
         group = f"{ITEMS}/{0 if name is None else names.index(name)}"
         if _tree(file, group).get("$noun") != "Recording":
-            raise InputError("not a record", where=str(path), got=_tree(file, group).get("$noun"))
+            raise InputError(
+                "not a record",
+                where=str(path),
+                got=_tree(file, group).get("$noun"),
+                expected="Recording",
+                advice="name an item that is a record, or read this one by ema.store.load",
+            )
         node = _tree(file, group)["signals"]
         signals = _dataset(file[group], node["$array"])
         whole, _ = _without_samples(file, group)
@@ -272,14 +278,20 @@ def blocks(path: str | Path, samples: int, name: str | None = None) -> Iterator[
 def _opened(path: Path) -> Iterator[h5py.File]:
     """The file, open for reading; whatever goes wrong inside becomes one sentence."""
     if path.is_dir():
-        raise InputError("a folder, not a file", where=str(path))
+        raise InputError(
+            "a folder, not a file",
+            where=str(path),
+            advice="name a file in it, or open a campaign by acquisition.open_campaign",
+        )
     try:
         with h5py.File(path, "r", locking=False) as file:
             yield file
     except FileNotFoundError as error:
-        raise InputError("there is no such file", where=str(path)) from error
+        raise InputError("there is no such file", where=str(path), advice="correct the path") from error
     except PermissionError as error:
-        raise InputError("no permission to read this file", where=str(path)) from error
+        raise InputError(
+            "no permission to read this file", where=str(path), advice="change its permissions, or ask its owner to"
+        ) from error
     except InputError as error:
         if error.where:
             raise
@@ -289,7 +301,11 @@ def _opened(path: Path) -> Iterator[h5py.File]:
     except EmaError:
         raise
     except MemoryError as error:
-        raise InputError("an array in the file is larger than the memory", where=str(path)) from error
+        raise InputError(
+            "an array in the file is larger than the memory",
+            where=str(path),
+            advice="read a record in pieces by ema.store.blocks, or use a machine with more memory",
+        ) from error
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, RecursionError, AttributeError) as error:
         if isinstance(error, OSError) and not h5py.is_hdf5(path):
             raise InputError("not an HDF5 file, or cut short", where=str(path), advice=_DAMAGED) from error
@@ -416,14 +432,14 @@ def _without_samples(file: h5py.File, group: str) -> tuple[Recording, int]:
 
 
 def _no_items(path: str, place: int) -> Any:
-    raise InputError("holds a sequence where none may stand", got=path)
+    raise InputError("holds a sequence where none may stand", got=path, advice=_DAMAGED)
 
 
 def _tree(file: h5py.File, group: str) -> dict[str, Any]:
     """The document of an item under today's names."""
     tree = json.loads(_document(file, f"{group}/{DOCUMENT}"))
     if not isinstance(tree, dict):
-        raise InputError("holds a document that is no container")
+        raise InputError("holds a document that is no container", advice=_DAMAGED)
     document: dict[str, Any] = migrated(tree, int(file.attrs["schema_version"]))
     return document
 
@@ -436,9 +452,14 @@ def _dataset(parent: h5py.Group, path: str) -> h5py.Dataset:
     """The dataset at ``path``, refused where it would reach outside this file or make the library load code."""
     place = untrusted.member(parent, path)
     if not isinstance(place, h5py.Dataset):
-        raise InputError("holds a group where an array belongs", got=path)
+        raise InputError("holds a group where an array belongs", got=path, advice=_DAMAGED)
     if place.dtype.kind not in _KINDS or place.dtype.names:
-        raise InputError("holds an array of a kind that is not read (references, compounds)", got=path)
+        raise InputError(
+            "holds an array of a kind that is not read (references, compounds)",
+            got=path,
+            expected="numbers or texts",
+            advice="write the file again by ema.store.save",
+        )
     untrusted.check(place, path, _FILTERS)
     return place
 

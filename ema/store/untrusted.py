@@ -82,7 +82,11 @@ def member(group: h5py.Group, path: str) -> Any:
     for step in path.strip("/").split("/"):
         link = place.get(step, getlink=True) if isinstance(place, h5py.Group) and step not in ("", ".", "..") else None
         if not isinstance(link, h5py.HardLink):
-            raise InputError("holds a link to somewhere else, which is not followed", got=path)
+            raise InputError(
+                "holds a link to somewhere else, which is not followed",
+                got=path,
+                advice="write the file again with all its data inside",
+            )
         place = place[step]
     return place
 
@@ -95,7 +99,11 @@ def refuse_link(link: Any, path: str) -> None:
     InputError : it is one.
     """
     if not isinstance(link, (h5py.HardLink, h5py.SoftLink)):
-        raise InputError("holds a link to another file, which is not followed", got=path)
+        raise InputError(
+            "holds a link to another file, which is not followed",
+            got=path,
+            advice="write the file again with all its data inside",
+        )
 
 
 def check(dataset: h5py.Dataset, path: str, filters: frozenset[int] = BUILT_IN_FILTERS) -> None:
@@ -119,12 +127,20 @@ def _check(dataset: h5py.Dataset, path: str, filters: frozenset[int], users: tup
         _check_virtual(dataset, path, filters, users)
         return
     if dataset.external:
-        raise InputError("holds an array whose values lie in another file, which is not read", got=path)
+        raise InputError(
+            "holds an array whose values lie in another file, which is not read",
+            got=path,
+            advice="write the file again with all its data inside",
+        )
     settings = dataset.id.get_create_plist()
     used = [settings.get_filter(number)[0] for number in range(settings.get_nfilters())]
     strange = [number for number in used if number not in filters]
     if strange:
-        raise InputError("holds an array packed by a filter that is not read", got=f"{path}, filter {strange[0]}")
+        raise InputError(
+            "holds an array packed by a filter that is not read",
+            got=f"{path}, filter {strange[0]}",
+            advice="write the file again with gzip or without compression",
+        )
     if not dataset.size:
         return
     if dataset.chunks is None:
@@ -159,7 +175,11 @@ def _check_chunks(dataset: h5py.Dataset, path: str, used: list[int]) -> None:
             advice="measure or export again",
         )
     if unchecked:
-        raise InputError("holds an array whose checksum is switched off in places", got=path)
+        raise InputError(
+            "holds an array whose checksum is switched off in places",
+            got=path,
+            advice="read the file from a backup, or export it again",
+        )
 
 
 def _check_virtual(dataset: h5py.Dataset, path: str, filters: frozenset[int], users: tuple[int, ...]) -> None:
@@ -168,17 +188,27 @@ def _check_virtual(dataset: h5py.Dataset, path: str, filters: frozenset[int], us
     covered = 0
     for source in dataset.virtual_sources():
         if source.file_name != ".":
-            raise InputError("holds an array whose values lie in another file, which is not read", got=path)
+            raise InputError(
+                "holds an array whose values lie in another file, which is not read",
+                got=path,
+                advice="write the file again with all its data inside",
+            )
         inner = member(dataset.file, source.dset_name)
         if not isinstance(inner, h5py.Dataset) or address in users:
-            raise InputError("holds an array that is made of itself or of a group", got=path)
+            raise InputError(
+                "holds an array that is made of itself or of a group",
+                got=path,
+                advice="write the file again with all its data inside",
+            )
         _check(inner, source.dset_name, filters, (*users, address))
         points = source.vspace.get_select_npoints()
         if not _holds(inner, source.src_space, points):
-            raise InputError("holds an array whose values are not all there", got=path)
+            raise InputError(
+                "holds an array whose values are not all there", got=path, advice="measure or export again"
+            )
         covered += points
     if covered != dataset.size:
-        raise InputError("holds an array whose values are not all there", got=path)
+        raise InputError("holds an array whose values are not all there", got=path, advice="measure or export again")
 
 
 def _holds(inner: h5py.Dataset, selection: Any, points: int) -> bool:

@@ -51,7 +51,11 @@ class StoredArray:
                 "the file is not there any more", where=str(self.path), advice="load it from where it is now"
             ) from error
         except PermissionError as error:
-            raise InputError("no permission to read this file", where=str(self.path)) from error
+            raise InputError(
+                "no permission to read this file",
+                where=str(self.path),
+                advice="change its permissions, or ask its owner to",
+            ) from error
         except (OSError, KeyError, RuntimeError) as error:
             places = ", ".join(f"{part.start} to {part.stop - 1}" for part in box)
             raise InputError(

@@ -254,7 +254,9 @@ class Writer(AbstractContextManager["Writer"]):
 
     def _new_item(self, container: Any, name: str, growing: bool = False) -> h5py.Group:
         if self.kind == "mapping" and name in self._names:
-            raise InputError("two containers of one name", where=str(self.path), got=name)
+            raise InputError(
+                "two containers of one name", where=str(self.path), got=name, advice="give each a name of its own"
+            )
         with deferred():
             group = self._file.create_group(f"{ITEMS}/{len(self._names)}")
             _write(group, container, self.compression, growing=growing)

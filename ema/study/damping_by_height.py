@@ -94,7 +94,12 @@ def _at_the_top(frfs: FrfSet, near: float, reference: ModalModel, bandwidths: fl
         ends.append(np.array([sign * shape[j] for _, j, sign in sorted(match(dofs, reference.dofs))]))
     wanted = np.outer(*ends)
     if wanted.shape != frfs.values.shape[1:]:
-        raise InputError("the reference lacks a DOF of the FRFs", where=frfs.name, got=f"{wanted.shape}")
+        raise InputError(
+            "the reference lacks a DOF of the FRFs",
+            where=frfs.name,
+            got=f"shape {wanted.shape}",
+            expected=f"shape {frfs.values.shape[1:]}",
+        )
     weights = wanted / np.sum(wanted**2)
     inside = np.abs(frfs.frequencies - fitted.natural_frequency) <= 2 * fitted.damping_ratio * fitted.natural_frequency
     inside[np.abs(frfs.frequencies - fitted.natural_frequency).argmin()] = True

@@ -46,7 +46,11 @@ def frfs_of(run: Run, settings: EstimateTable, progress: Progress = silent) -> t
             advice="`ema map` reads frequency and damping over the amplitude from them",
         )
     if not run.recordings:
-        raise InputError("the run holds neither records nor FRFs", where=f"run {run.id}")
+        raise InputError(
+            "the run holds neither records nor FRFs",
+            where=f"run {run.id}",
+            advice="open the campaign's folder instead of a result file, or name the run's files in campaign.toml",
+        )
     if run.kind not in _OPTIONS:
         raise InputError(
             "nothing is known to be done with this excitation",
