@@ -137,7 +137,9 @@ def _said_of(call: ast.Call) -> tuple[list[str], list[str], list[str]]:
     for node in parts:
         said = [skeleton(one).replace("{}", "…") for one in alternatives(node, enclosing()[call]) or ()]
         texts.append([one for one in dict.fromkeys(said) if re.search("[A-Za-z]", one)])
-    return texts[0], texts[1], texts[2]
+    # what the case alone knows, such as the names there are
+    expected, advice = (text or ["…"] * (node is not None) for text, node in zip(texts[1:], parts[1:]))
+    return texts[0], expected, advice
 
 
 def errors_table() -> str:

@@ -105,5 +105,11 @@ def _given(arrays: Arrays, given: Any, usual: str, quantities: tuple[str, ...]) 
     text = arrays.units.get(given, usual)
     unit = units.parse(text)
     if unit.quantity not in quantities:
-        raise UnitError("not the unit of " + quantities[0], where=f"{arrays.where}, {given}", got=repr(text))
+        raise UnitError(
+            "not the unit of " + quantities[0],
+            where=f"{arrays.where}, {given}",
+            got=repr(text),
+            expected=f"a unit of {' or '.join(quantities)}",
+            advice="correct the unit in the file, or give the numbers themselves",
+        )
     return unit.factor / (2 * np.pi if unit.quantity == "angular velocity" else 1.0) * arrays.vector(given)

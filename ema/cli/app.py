@@ -353,7 +353,11 @@ def _settings(given: dict[str, Any]) -> "FitTable":
         return FitTable(**given)
     except ValidationError as error:
         detail = error.errors()[0]
-        raise InputError(str(detail.get("ctx", {}).get("error", detail["msg"])), where="options of ema fit") from error
+        raise InputError(
+            str(detail.get("ctx", {}).get("error", detail["msg"])),
+            where="options of ema fit",
+            advice="`ema fit --help` lists them",
+        ) from error
 
 
 def _as_mapping(models: "dict[str, ModalModel]", opinions: "dict[str, SecondOpinion]") -> dict[str, Any]:

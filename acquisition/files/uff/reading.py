@@ -107,7 +107,11 @@ def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) ->
         entries = [entry for entry in index(file) if entry.type == 58 and (sets is None or entry.number in sets)]
         for entry in entries:
             if entry.problem or entry.header is None:
-                raise InputError(entry.problem or "damaged", where=f"{Path(path).name}, data set {entry.number + 1}")
+                raise InputError(
+                    entry.problem or "damaged",
+                    where=f"{Path(path).name}, data set {entry.number + 1}",
+                    advice="export the file again",
+                )
         try:
             found = tuple(fetch(file, entry) for entry in entries)
         except ValueError as error:
@@ -119,6 +123,7 @@ def functions(path: "str | PathLike[str]", sets: Sequence[int] | None = None) ->
                 raise InputError(
                     function.problem or "fewer values than its header announces",
                     where=f"{Path(path).name}, data set {entry.number + 1}",
+                    advice="export the file again",
                 )
         return found
 
