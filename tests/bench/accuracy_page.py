@@ -284,7 +284,7 @@ def halves(section: dict) -> str:
         [
             row["title"],
             f"{row['splits']}",
-            " + ".join(f"{a}/{b}" for a, b in row["modes"]),
+            f"{min(map(min, row['modes']))} to {max(map(max, row['modes']))}",
             f"{row['pairs']}",
             percent(row["frequency within"]),
             percent(row["damping within"]),
