@@ -9,7 +9,6 @@ WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER: set[str] = {
     "archive",
-    "joint_law",
     "brake_reuss",
     "large, 50000",
     "large, 25000",
