@@ -10,7 +10,10 @@ SAY_ALL = {("ema/app/state.py", "there is nothing to undo"), ("ema/progress.py",
 
 
 def test_every_error_says_what_was_expected_or_what_to_do_next() -> None:
-    """Mistakes of a recipe are listed in one error, each with a next step of its own (`ema/tables/schema.py`)."""
+    """The sources say it; whether a case leaves it empty is not seen here.
+
+    Mistakes of a recipe are listed in one error, each with a next step of its own (`ema/tables/schema.py`).
+    """
     silent, all_of_them = set(), 0
     for path, calls in written_calls().items():
         for call in calls:

@@ -80,6 +80,15 @@ def test_mode_table_has_the_numbers_rounded_by_their_uncertainty(page: Page):
     assert rows[0]["Confidence [-]"] == "0.97"
 
 
+def test_only_words_that_no_column_has_room_for_are_broken_within(page: Page):
+    """The longest German words of the report, 24 letters with their punctuation, are not among them; a SHA-256 is."""
+    table = Book().table("words", "", ("Word",), [("-",)], 1)
+    for cell in ("sticking", "Beschleunigungsaufnehmer", "many words that are short", "", "Stabilisierungsdiagramm:"):
+        assert table.style(cell) == ""
+    assert table.style("sha256 " + 64 * "0") == "long" and table.style(3) == "n"
+    assert "td.long { overflow-wrap: anywhere; }" in page.source and '<td class="n">' in page.source
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_set_ups_that_differ_have_a_table(two_runs: StudyResult, tmp_path: Path):
     modes = two_runs.runs[0].modes
