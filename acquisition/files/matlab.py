@@ -69,22 +69,24 @@ def tree(path: Path) -> dict[str, Any]:
     with path.open("rb") as file:
         v73 = file.read(128)[:10] == b"MATLAB 7.3"
     left: dict[str, str] = {}
-    if v73:
-        try:
-            top = _v73(path, left)
-        except InputError as error:
-            raise InputError(
-                error.what, where=str(path), got=error.got, expected=error.expected, advice=error.advice
-            ) from error
-    else:
-        from scipy.io import loadmat, whosmat
-
-        with suppressed_warnings():
-            refuse_doubles([name for name, _, _ in whosmat(path)], path)
-            top = loadmat(path, simplify_cells=True)
-    leaves = [leaf for key, value in top.items() if not key.startswith("__") for leaf in _walk(key, value)]
+    try:
+        top = _v73(path, left) if v73 else _v5(path)
+        leaves = [leaf for key, value in top.items() if not key.startswith("__") for leaf in _walk(key, value)]
+    except InputError as error:
+        raise InputError(
+            error.what, where=str(path), got=error.got, expected=error.expected, advice=error.advice
+        ) from error
     left |= {name: value.what for name, value in leaves if isinstance(value, _Object)}
     return {"values": {name: value for name, value in leaves if not isinstance(value, _Object)}, "left": left}
+
+
+def _v5(path: Path) -> dict[str, Any]:
+    """Variables of a file before v7.3."""
+    from scipy.io import loadmat, whosmat
+
+    with suppressed_warnings():
+        refuse_doubles([name for name, _, _ in whosmat(path)], path)
+        return dict(loadmat(path, simplify_cells=True))
 
 
 def _check_elements(path: Path) -> None:

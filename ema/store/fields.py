@@ -54,7 +54,7 @@ def load_fields(path: str | Path, *fields: str, name: str | None = None) -> dict
             for step in field.split("."):
                 if part is None:
                     return None
-                if not isinstance(part, dict) or step not in part or step.startswith("$"):
+                if not isinstance(part, dict) or "$noun" not in part or step not in part or step.startswith("$"):
                     raise InputError(
                         "no such field in the file",
                         where=str(path),

@@ -81,6 +81,8 @@ def member(group: h5py.Group, path: str) -> Any:
     place: Any = group
     for step in path.strip("/").split("/"):
         link = place.get(step, getlink=True) if isinstance(place, h5py.Group) and step not in ("", ".", "..") else None
+        if link is None:
+            raise InputError("holds no such data", got=path, advice="the file is damaged: read it from a backup")
         if not isinstance(link, h5py.HardLink):
             raise InputError(
                 "holds a link to somewhere else, which is not followed",

@@ -86,9 +86,19 @@ def test_a_sparse_matrix_that_is_large_in_full_is_named(tmp_path: Path, version:
         acquisition.read(tmp_path / "a.mat", signals="H", sampling_rate=100.0)
 
 
-def test_a_damaged_sparse_matrix_is_refused(tmp_path: Path) -> None:
-    _sparse_v73(tmp_path / "a.mat", scipy.sparse.csc_matrix(np.eye(4)))
-    with h5py.File(tmp_path / "a.mat", "r+") as file:
-        file["H/ir"][2] = 17
-    with pytest.raises(InputError, match="a sparse matrix whose places do not fit"):
-        acquisition.read(tmp_path / "a.mat", signals="H", sampling_rate=100.0)
+@pytest.mark.parametrize("version", [5, 7.3])
+def test_a_damaged_sparse_matrix_is_refused_with_the_name_of_its_file(tmp_path: Path, version: float) -> None:
+    path = tmp_path / "a.mat"
+    if version == 5:
+        scipy.io.savemat(path, {"H": scipy.sparse.csc_matrix(np.eye(4)), "x": np.ones(3)})
+        whole = path.read_bytes()
+        rows = np.arange(4, dtype="<i4").tobytes()  # one entry in each column, and so in each row
+        assert whole.count(rows) == 2  # the rows, and the beginning of where the columns begin
+        path.write_bytes(whole.replace(rows, np.array([0, 1, 17, 3], "<i4").tobytes(), 1))
+    else:
+        _sparse_v73(path, scipy.sparse.csc_matrix(np.eye(4)))
+        with h5py.File(path, "r+") as file:
+            file["H/ir"][2] = 17
+    with pytest.raises(InputError, match="a sparse matrix whose places do not fit") as refused:
+        acquisition.read(path, signals="H", sampling_rate=100.0)
+    assert str(path) in str(refused.value)

@@ -120,6 +120,14 @@ def test_two_models_on_the_same_nodes_stay_apart(tmp_path: Path) -> None:
     assert [len(model.poles) for model in acquisition.read(tmp_path / "a.uff").modes] == [2, 2]
 
 
+def test_equal_nodes_of_two_parts_are_refused_with_both_names(tmp_path: Path) -> None:
+    modes = nouns.modal_model()
+    dofs = (Dof(1, "+Z", "table"), Dof(1, "-Z", "beam"), *(Dof(node, "+Z") for node in range(2, len(modes.dofs))))
+    modes = replace(modes, dofs=dofs, inputs=dofs[: len(modes.inputs)])
+    with pytest.raises(InputError, match=r"two DOFs are one in data set 55.*got table:1:[+]Z and beam:1:-Z"):
+        acquisition.write(tmp_path / "a.uff", modes)
+
+
 def test_a_negative_direction_turns_the_sign_of_the_shape(tmp_path: Path) -> None:
     modes = nouns.modal_model()
     turned = replace(

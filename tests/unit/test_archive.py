@@ -5,6 +5,7 @@ import gzip
 import hashlib
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -588,6 +589,9 @@ def test_fields_are_read_without_the_rest_of_a_file(tmp_path: Path) -> None:
     assert told["quantity"] == "accelerance" and told["condition.excitation"].kind == "unknown"
     with pytest.raises(InputError, match=r"no such field.*got nothing"):
         store.load_fields(tmp_path / "one.h5", "nothing")
+    for inside in ("values.$array", "values.crc32"):  # an array is described in the file; that is no field of it
+        with pytest.raises(InputError, match=rf"no such field.*got {re.escape(inside)}"):
+            store.load_fields(tmp_path / "one.h5", inside)
     with pytest.raises(InputError, match=r"no such item.*got third, expected frfs, other"):
         store.load_fields(tmp_path / "one.h5", "values", name="third")
     values = store.load_fields(tmp_path / "one.h5", "values")["values"]

@@ -282,11 +282,13 @@ def write_modes(model: ModalModel, case: int = 1) -> bytes:
         )
     places = [(rows[dof.node], code) for dof, code in zip(model.dofs, codes, strict=True)]
     if len(set(places)) < len(places):
+        where = next(place for place in places if places.count(place) > 1)
+        same = [str(dof) for dof, place in zip(model.dofs, places, strict=True) if place == where]
         raise InputError(
-            "a DOF occurs twice",
+            "two DOFs are one in data set 55, which states neither parts of a structure nor senses",
             where=model.name,
-            got=next(str(dof) for dof, place in zip(model.dofs, places, strict=True) if places.count(place) > 1),
-            advice="keep one of them; data set 55 states neither parts nor senses",
+            got=" and ".join(same),
+            advice="keep one of them, or give the nodes of every part numbers of their own",
         )
     count = 1 if max(codes) == 0 else 3 if max(codes) <= 3 else 6
     real = not np.any(model.shapes.imag) and model.scaling != "unscaled"
