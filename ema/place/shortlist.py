@@ -300,8 +300,8 @@ def verify_all(
             future.cancel()
 
 
-def fingerprint_of(question: Question) -> str:
-    """What tells a question from every other."""
+def fingerprint_of(question: Any) -> str:
+    """What tells a question, or a part of one, from every other."""
     digest = hashlib.sha256(str(TOLERANCE).encode())
     _stir(digest, question)
     return digest.hexdigest()[:24]

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Float
 
+from ema import fingerprint
 from ema.data import (
     AmplitudeDependentMode,
     Campaign,
@@ -21,6 +22,7 @@ from ema.data import (
     MapResult,
     ModalModel,
     Placement,
+    Provenance,
     Recording,
     Run,
     RunResult,
@@ -29,6 +31,7 @@ from ema.data import (
 from ema.errors import InputError
 from ema.place.recipe import PlaceRecipe
 from ema.progress import Progress
+from ema.study import kept
 from ema.study.recipe import LoopTable, RingDownTable, StatementTable
 from ema.units import SI_UNIT
 
@@ -268,7 +271,7 @@ def placed(
     *,
     anyway: bool = False,
 ) -> Placement:
-    """Answer a placement; finished parts are kept in ``folder``.
+    """Answer a placement; finished places and the whole are kept in ``folder``.
 
     With ``anyway`` a joint model that does not agree with its measurement is placed with, and warned of.
 
@@ -277,22 +280,37 @@ def placed(
     InputError : what ``ema.place`` refuses.
     """
     from ema.place.job import place, refuse_disagreement
-    from ema.place.shortlist import KeptPlaces
+    from ema.place.shortlist import KeptPlaces, fingerprint_of
     from ema.place.sources import verdict_of
 
     verdict = verdict_of(task.recipe, task.folder)
     if not anyway:
         refuse_disagreement(verdict, task.modes.name or "bare structure")
-    placement = place(
-        task.recipe,
-        task.modes,
-        task.geometry,
-        verdict,
-        executor=executor,
-        kept=KeptPlaces(folder, resume),
-        progress=progress,
+
+    def compute() -> Placement:
+        answer = place(
+            task.recipe,
+            task.modes,
+            task.geometry,
+            verdict,
+            executor=executor,
+            kept=KeptPlaces(folder, resume),
+            progress=progress,
+        )
+        return replace(answer, geometry=task.geometry)
+
+    parts = {
+        "the recipe": task.recipe.model_dump_json(),
+        "the modes without the beam": task.modes,
+        "the geometry": task.geometry,
+        "the verdict on the joint model": verdict,
+    }
+    inputs = tuple((name, fingerprint_of(part)) for name, part in parts.items())
+    made = Provenance(inputs, fingerprint.versions())
+    answer: Placement = kept.known_or_computed(
+        folder / "placement.h5", made, "placement", compute, progress, resume=resume
     )
-    return replace(placement, geometry=task.geometry)
+    return answer
 
 
 def forecast_check(

@@ -136,9 +136,26 @@ def test_a_study_answers_where_the_beam_goes(tmp_path: Path, without_report: Non
     held = store.load(tmp_path / "table" / "_build" / "study.h5")
     assert held.placement.ranking.best.normal_force == best.normal_force
 
+    with pytest.MonkeyPatch.context() as patched:  # resumed, nothing is placed again
+        patched.setattr("ema.place.job.place", _refused)
+        again = ema.Study.load(recipe).run(resume=True).placement
+    assert again is not None and [one.candidate for one in again.ranking.places] == [
+        one.candidate for one in found.ranking.places
+    ]
+    assert np.array_equal(again.ranking.best.damping, best.damping)
+    other = (recipe.parent / "place.toml").read_text(encoding="utf-8").replace("120 N", "130 N")
+    (recipe.parent / "place.toml").write_text(other, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patched, pytest.raises(AssertionError, match="placed again"):
+        patched.setattr("ema.place.job.place", _refused)  # another recipe is another placement
+        ema.Study.load(recipe).run(resume=True)
+
     (recipe.parent / "place.toml").write_text(RECIPE, encoding="utf-8")
     with pytest.raises(InputError, match=r"names a structure of its own; got bare.h5"):
         ema.Study.load(recipe).run(resume=True)
+
+
+def _refused(*_: object, **__: object) -> None:
+    raise AssertionError("placed again")
 
 
 STATED = """
