@@ -58,8 +58,8 @@ def forecast_at(
     geometry: Geometry,
     locations: Sequence[Location],
     *,
-    force_levels: Sequence[float] = (),
-    normal_forces: Sequence[float] = (),
+    force_levels: Sequence[float] | Float[np.ndarray, "level"] = (),
+    normal_forces: Sequence[float] | Float[np.ndarray, "force"] = (),
     progress: Progress = silent,
 ) -> tuple[Forecast, ...]:
     """Predict frequency and damping with a beam at named locations and forces, with 95 % bands.
@@ -78,9 +78,9 @@ def forecast_at(
         Points [m] of the structure.
     locations : sequence of Location
         Where beams are bolted, each alone.
-    force_levels : sequence of float, optional
+    force_levels : sequence of float or array of shape (level,), optional
         F_E [N]; by default those of the recipe's forecast, or of the recipe.
-    normal_forces : sequence of float, optional
+    normal_forces : sequence of float or array of shape (force,), optional
         F_N per joint [N]; likewise.
     progress : Progress, optional
         Called after each draw.
