@@ -1,4 +1,4 @@
-"""`ema predict`: frequency, damping and response at amplitudes or forces not measured, from those that were."""
+"""`ema predict`: frequency and damping at amplitudes, forces or locations not measured, from what was."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +10,7 @@ from ema.cli.common import Json, Limit, status
 from ema.cli.ending import ends_well
 from ema.cli.option_groups import grouped
 from ema.cli.predicting_levels import of_levels
+from ema.cli.predicting_location import FromPlacement, of_locations
 from ema.cli.prediction_request import FromLevels, Wanted
 from ema.errors import InputError
 
@@ -27,19 +28,20 @@ class FromMap:
     force: Annotated[
         list[str] | None,
         typer.Option(
-            "--force", help="F_E such as '4 N' (repeat): of a map, or of stepped levels, whose response follows."
+            "--force",
+            help="F_E such as '4 N' (repeat): of a map, of a placement, or of stepped levels, whose response follows.",
         ),
     ] = None
     normal_force: Annotated[
-        list[str] | None, typer.Option("--normal-force", help="Of a map: F_N such as '500 N' (repeat).")
+        list[str] | None, typer.Option("--normal-force", help="Of a map or a placement: F_N such as '500 N' (repeat).")
     ] = None
 
     def __bool__(self) -> bool:
         return bool(self.model or self.normal_force)
 
 
-NO_LEVELS, NO_MAP = FromLevels(), FromMap()
-"""Defaults: nothing asked of either."""
+NO_LEVELS, NO_MAP, NO_PLACEMENT = FromLevels(), FromMap(), FromPlacement()
+"""Defaults: nothing asked of any."""
 
 
 @ends_well
@@ -49,11 +51,12 @@ def predict(
         Path,
         typer.Argument(
             help="A campaign with stepped levels, a mode over its amplitude that `ema map` wrote, what an earlier "
-            "prediction wrote, or the comparison.h5 of `ema compare MAP MODEL --update`."
+            "prediction wrote, the comparison.h5 of `ema compare MAP MODEL --update`, or a placement recipe."
         ),
     ],
     from_levels: FromLevels = NO_LEVELS,
     from_map: FromMap = NO_MAP,
+    from_placement: FromPlacement = NO_PLACEMENT,
     out: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for what is written [predicted/NAME].")
     ] = None,
@@ -62,14 +65,17 @@ def predict(
 ) -> int:
     """Predict frequency, damping and response where nothing was measured: 95 % bands and the distance from the data."""
     wanted = Wanted(measured, out or Path("predicted") / measured.resolve().stem, limit, json)
-    if from_map.model is not None and from_map.force and from_map.normal_force and not from_levels:
+    if from_placement.place and not from_levels and from_map.model is None:
+        return of_locations(wanted, from_placement, from_map.force or (), from_map.normal_force or ())
+    if from_map.model is not None and from_map.force and from_map.normal_force and not (from_levels or from_placement):
         return _of_map(wanted, from_map.model, from_map.force, from_map.normal_force)
-    if (from_levels.amplitude or from_map.force) and not from_map:
+    if (from_levels.amplitude or from_map.force) and not (from_map or from_placement):
         return of_levels(wanted, from_levels, from_map.force or ())
     raise InputError(
         "what is to be predicted?",
         where=str(measured),
-        expected="--amplitude or --force for stepped levels; --model, --force and --normal-force for a map",
+        expected="--amplitude or --force for stepped levels; --model, --force and --normal-force for a map; "
+        "--place, --normal-force and --force for a placement recipe",
         advice="docs/prediction.md has an example of each",
     )
 

@@ -4,6 +4,8 @@ from ema.place.bands import forecast as forecast
 from ema.place.candidates import grid as grid
 from ema.place.conditioning import updated as updated
 from ema.place.control import control_study as control_study
+from ema.place.location import Location as Location
+from ema.place.location import forecast_at as forecast_at
 from ema.place.model import model_at as model_at
 from ema.place.objective import Objective as Objective
 from ema.place.objective import recommended_forces as recommended_forces

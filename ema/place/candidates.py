@@ -85,7 +85,7 @@ def grid(
             joints = points[:, None, :] + beam.places[None, :, None] * direction
             good = np.all((joints >= low - ROUNDING) & (joints <= high + ROUNDING), axis=(1, 2))
             for area in areas:
-                good &= ~_touch(points, angle, (beam.length, beam.width), area)
+                good &= ~touch(points, angle, (beam.length, beam.width), area)
             centres.append(points[good])
             turned.append(np.full(good.sum(), angle))
             kinds.append(np.full(good.sum(), kind))
@@ -108,7 +108,7 @@ def about_keep_out(surface: Surface, keep_out: Sequence[Float[np.ndarray, "corne
     low, high = surface.extent.T
     findings = []
     for number, area in enumerate(keep_out, 1):
-        if _touch(0.5 * (low + high)[None], 0.0, high - low, _polygon(area))[0]:
+        if touch(0.5 * (low + high)[None], 0.0, high - low, _polygon(area))[0]:
             continue
         findings.append(
             Finding.of(
@@ -145,7 +145,7 @@ def _polygon(area: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "corner 2
     return corners
 
 
-def _touch(
+def touch(
     centres: Float[np.ndarray, "p 2"],
     angle: float,
     sides: tuple[float, float] | Float[np.ndarray, "2"],

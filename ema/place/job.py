@@ -17,7 +17,7 @@ from ema.place.candidates import about_keep_out, grid
 from ema.place.conditioning import updated
 from ema.place.control import control_study
 from ema.place.ranking import SearchSettings, search
-from ema.place.recipe import DoneTable, PlaceRecipe, TrialsTable
+from ema.place.recipe import DoneTable, ForecastTable, PlaceRecipe, TrialsTable
 from ema.place.shortlist import KeptPlaces
 from ema.place.task import Task
 from ema.place.trials import TrialCondition, next_tests
@@ -73,8 +73,8 @@ def place(
         :func:`ema.place.search`.
     """
     where = bare.name or "bare structure"
-    _refuse_modes_with_a_beam(bare, where)
-    task, hung = _task(recipe, bare, geometry, where)
+    refuse_modes_with_a_beam(bare, where)
+    task, hung = target_task(recipe, bare, geometry, where)
     surface, effort, wanted = task.surface, recipe.search, recipe.wanted()
     candidates = grid(
         surface, recipe.catalogue(), effort.step, np.radians(effort.angles).tolist(), recipe.keep_out(), effort.margin
@@ -113,7 +113,7 @@ def place(
             *recipe.former_names,
             *hung,
             *beyond,
-            *_about_verdict(verdict),
+            *about_verdict(verdict),
         ),
         Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
         geometry,
@@ -151,7 +151,7 @@ def refuse_disagreement(verdict: Verdict | None, where: str) -> None:
         )
 
 
-def _refuse_modes_with_a_beam(bare: ModalModel, where: str) -> None:
+def refuse_modes_with_a_beam(bare: ModalModel, where: str) -> None:
     """Refuse modes that were measured with a friction beam."""
     if bare.condition.joints:
         names = ", ".join(joint.joint for joint in bare.condition.joints)
@@ -164,7 +164,9 @@ def _refuse_modes_with_a_beam(bare: ModalModel, where: str) -> None:
         )
 
 
-def _task(recipe: PlaceRecipe, bare: ModalModel, geometry: Geometry, where: str) -> tuple[Task, tuple[Finding, ...]]:
+def target_task(
+    recipe: PlaceRecipe, bare: ModalModel, geometry: Geometry, where: str
+) -> tuple[Task, tuple[Finding, ...]]:
     """Target modes, surface and forces of the recipe, with the rigid-body modes of a structure that hangs freely."""
     measured = len(bare.poles)
     bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
@@ -215,18 +217,9 @@ def _forecast(
     table = recipe.forecast
     if table is None:
         return None, None, ()
-    bare, surface, beyond = task.bare, task.surface, tuple[Finding, ...]()
-    if table.above == "plate":
-        bare, surface, beyond = with_plate(bare, surface)
     best, levels = ranking.best.candidate, table.force or recipe.force
     forces = _with_recommended(table.normal_force, ranking.best.normal_force)
-    task = task._replace(
-        bare=bare,
-        surface=surface,
-        force_levels=np.array(levels),
-        normal_forces=np.array(forces),
-        scale_std=0.5 * table.calibration_std,
-    )
+    task, beyond = under_conditions(table, task, levels, forces)
     settings = ForecastSettings(table.draws, table.seed, table.method)
     if recipe.trials is None:
         return forecast(task, candidates, best, settings, executor, progress), None, beyond
@@ -246,6 +239,23 @@ def _forecast(
     for _, one in done:
         tests = _after(tests, one)
     return tests.forecast, tests, beyond
+
+
+def under_conditions(
+    table: ForecastTable, task: Task, levels: Sequence[float], forces: Sequence[float]
+) -> tuple[Task, tuple[Finding, ...]]:
+    """The task of a forecast under F_E and F_N [N], and what is to be known about the modes above those measured."""
+    bare, surface, beyond = task.bare, task.surface, tuple[Finding, ...]()
+    if table.above == "plate":
+        bare, surface, beyond = with_plate(bare, surface)
+    task = task._replace(
+        bare=bare,
+        surface=surface,
+        force_levels=np.array(levels),
+        normal_forces=np.array(forces),
+        scale_std=0.5 * table.calibration_std,
+    )
+    return task, beyond
 
 
 def _with_recommended(forces: Sequence[float], recommended: float) -> list[float]:
@@ -325,7 +335,8 @@ def _warning(verdict: Verdict | None) -> str:
     )
 
 
-def _about_verdict(verdict: Verdict | None) -> tuple[Finding, ...]:
+def about_verdict(verdict: Verdict | None) -> tuple[Finding, ...]:
+    """Whether the joint model was compared with no measurement."""
     if verdict is not None:
         return ()
     return (

@@ -4,6 +4,7 @@ from ema.lazy import attach
 
 _HOMES = {
     "Study": "ema.study.study",
+    "read_placement": "ema.study.placement_inputs",
     "summary": "ema.study.plain",
 }
 

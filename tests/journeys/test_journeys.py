@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import ema
 from ema import store
 from ema.datasets import table
 from tests.unit.test_record import RIG
@@ -65,6 +66,14 @@ def test_a_hammer_test_becomes_a_place_and_a_normal_force(place: Path, table_ham
     assert "press every joint with" in (build / "journey_placement.html").read_text(encoding="utf-8")
     assert (build / "journey_placement.docx").stat().st_size > 50_000
     assert store.load(build / "journey_placement.h5").placement.ranking.best.normal_force == best.normal_force
+
+    study = place / "tests" / "journeys" / "journey_4.toml"
+    task = ema.study.read_placement(study)
+    assert np.array_equal(task.modes.poles, result.runs[0].modes.poles), "those of the stored result"
+    assert task.recipe.near == [499.0] and np.array_equal(task.geometry.xyz, result.campaign.geometry.xyz)
+    study.write_text(study.read_text(encoding="utf-8").replace("[200, 1350]", "[200, 1300]"), encoding="utf-8")
+    with pytest.raises(ema.EmaError, match="not that of its present recipe"):
+        ema.study.read_placement(study)
 
 
 def test_takes_become_modes(tmp_path: Path, monkeypatch, capsys):

@@ -18,9 +18,10 @@ import ema
 from ema import shapes, store
 from ema.data import Candidates, Channel, Condition, Excitation, ModalModel, Recording, Run, poles_from
 from ema.dof import Dof
+from ema.place.recipe import load
 from ema.simulate import RovingHammer, VirtualRig
 from ema.synthesis import frfs as synthesis
-from tests.unit.placement_rig import bare_table
+from tests.unit.placement_rig import RECIPE, bare_table, write_recipe
 from tests.unit.test_place_answers import BEAM, JOINT
 from tests.unit.test_record import rig_of
 
@@ -82,7 +83,7 @@ def test_a_model_is_updated_and_predicts(root: Path) -> None:
     In a process of its own, without the shape checker of the tests, which a search calls a hundred thousand times. Both
     pages begin with the same update, which is made once.
     """
-    (_, updating), (_, predicting) = blocks_of(root, "compare.md"), blocks_of(root, "prediction.md")
+    (_, updating), (_, predicting, _) = blocks_of(root, "compare.md"), blocks_of(root, "prediction.md")
     update, _, rest = predicting.partition("\n")
     assert updating.startswith(update + "\n") and rest
     done = subprocess.run(
@@ -127,13 +128,29 @@ def test_a_recording_larger_than_memory(root: Path, tmp_path: Path, monkeypatch:
     assert np.abs(frfs.values[inner, :, 0]).mean(axis=0) == pytest.approx([2.0, 4.0, 8.0], rel=1e-6)
 
 
-def test_a_placement(root: Path) -> None:
+DRAWS = '\n[forecast]\nnormal_force = "60 N"\ndraws = 10\nmethod = "frozen"\n'
+"""A short forecast at the end of a placement recipe."""
+
+
+def test_a_location_of_ones_own(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recipe that the page names stands in for its study; the beam damps, and the bands hold what is predicted."""
+    path = write_recipe(tmp_path / "reports", RECIPE.replace("steel 60 x 50", "steel 40 x 45") + DRAWS)
+    path.rename(path.with_name("table_placement.toml"))
+    monkeypatch.chdir(tmp_path)
+    forecast = executed(root, "prediction.md", 2)["forecast"]
+    assert forecast.centre == (0.45, 0.44) and forecast.damping.shape == (1, 1, 1)
+    assert forecast.damping_low <= forecast.damping <= forecast.damping_high
+    assert forecast.damping_low > forecast.bare_damping == pytest.approx(0.00638)
+
+
+def test_a_placement(root: Path, tmp_path: Path) -> None:
     from concurrent.futures import ThreadPoolExecutor
 
     bare, geometry = bare_table()
     spots = Candidates(np.array([[0.3, 0.06], [0.25, 0.06]]), np.zeros(2), np.zeros(2, int), (BEAM,))
     with ThreadPoolExecutor(1) as pool:
         names = {"levels": np.array([30.0]), "forces": np.array([100.0, 200.0]), "candidates": spots, "pool": pool}
+        names |= {"recipe": load(write_recipe(tmp_path, RECIPE + DRAWS)), "geometry": geometry, "np": np}
         space = executed(
             root, "placement.md", 0, bare=bare, surface=shapes.smooth(bare, geometry), joint=JOINT, **names
         )
