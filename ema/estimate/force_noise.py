@@ -30,6 +30,9 @@ MATTERS = 0.01
 """Share of noise in the force's power on a line from which on it is named: H1 is too low by as much. As for repeated
 sweeps; half of it is less than the scatter of few averages, twice as much leaves damping 2 % too high."""
 
+LESS_NOISE = "H1 less force noise"
+"""What FRFs are called from which the noise of the force was taken off."""
+
 NORMAL_95 = 3.84
 """Square of a real error over its variance that is exceeded with a probability of 5 %."""
 
@@ -48,16 +51,16 @@ def share(found: Spectra, rest: AtRest) -> Float[np.ndarray, "freq"]:
     return np.asarray(np.minimum(np.divide(rest.power, power, out=np.ones_like(power), where=power > 0), 1.0))
 
 
-def weakness(found: Spectra, rest: AtRest) -> Float[np.ndarray, "freq"]:
+def weakness(power: Float[np.ndarray, "freq"], rest: AtRest, averages: float) -> Float[np.ndarray, "freq"]:
     """Square of the share of ``S_xx - S_nn`` that its error may have with a probability of 95 %; from 1 on there may be
     no force.
 
-    The error is that of noise and its product with the force, ``2 S_ff S_nn / n + S_nn^2 (1 / n + 1 / n0)``.
+    The error, of n averages of the ``power`` of the measured force, is that of noise and its product with the force,
+    ``2 S_ff S_nn / n + S_nn^2 (1 / n + 1 / n0)``.
     """
-    left = np.maximum(spectra.input_power(found)[:, 0] - rest.power, 0.0)
-    alone = rest.power**2 * (1 / found.averages + 1 / rest.averages)
-    variance = 2 * left * rest.power / found.averages + alone
-    return np.asarray(NORMAL_95 * variance / np.maximum(left**2, np.finfo(float).tiny))
+    left = np.maximum(power - rest.power, 1e-9 * np.maximum(power, rest.power))
+    variance = 2 * left * rest.power / averages + rest.power**2 * (1 / averages + 1 / rest.averages)
+    return np.asarray(NORMAL_95 * np.divide(variance, left**2, out=np.full_like(left, np.inf), where=left > 0))
 
 
 def welch_frfs(found: Spectra, rest: AtRest, kept: Bool[np.ndarray, "freq"]) -> dict[str, Any]:
@@ -66,7 +69,7 @@ def welch_frfs(found: Spectra, rest: AtRest, kept: Bool[np.ndarray, "freq"]) -> 
     alone = rest.power * np.sqrt(1 / found.averages + 1 / rest.averages)
     # What is left of the force is known to no less than that: a standard deviation of 100 % where it is all there is.
     left = np.maximum(np.maximum(spectra.input_power(found)[:, 0] - rest.power, alone), tiny)[:, None]
-    weak = weakness(found, rest)[:, None]
+    weak = weakness(spectra.input_power(found)[:, 0], rest, found.averages)[:, None]
     values = found.cross / left[:, :, None]
     coherence = spectra.multiple_coherence(found)
     result = {
@@ -128,7 +131,7 @@ def about_force(
     answer = np.mean(found.outputs / np.maximum(found.outputs[kept].max(axis=0), 1e-300), axis=1)
     at_peaks = np.where(answer >= np.median(answer[kept]), noise, 0.0)
     line = int(np.argmax(at_peaks))
-    lost = kept & (weakness(found, rest) >= 1)
+    lost = kept & (weakness(spectra.input_power(found)[:, 0], rest, found.averages) >= 1)
     if np.mean(lost[kept]) > 0.5:
         raise InputError(
             "the force in the record at rest is as large as in the test",

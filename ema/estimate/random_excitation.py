@@ -168,7 +168,7 @@ def shaker(
         else:
             parts = welch_frfs(inputs, estimator, kept)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
-        name = generator.NAME if driven else estimator if rest is None else "H1 less force noise"
+        name = generator.NAME if driven else estimator if rest is None else force_noise.LESS_NOISE
     if rest is not None:
         lines = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
         within = (lines >= frequencies[kept][0]) & (lines <= frequencies[kept][-1])
