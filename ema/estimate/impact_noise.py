@@ -26,10 +26,9 @@ import scipy.fft
 from jaxtyping import Bool, Float, Inexact
 
 from ema.data import Finding
-from ema.estimate.force_noise import MATTERS, AtRest, weakness
+from ema.estimate.force_noise import MATTERS, AtRest, weakness, widened
 from ema.estimate.generator import bands_of
 from ema.estimate.judge import FEW, Judged
-from ema.estimate.local_model import WEAKEST
 from ema.estimate.pulses import offset_and_noise
 from ema.estimate.single_input import Sums
 from ema.messages import mark
@@ -156,13 +155,10 @@ class LessNoise:
     ) -> Float[np.ndarray, "out freq"]:
         """Variance of FRFs without bias (``values``) from that of H1; NaN stays NaN."""
         size = np.abs(values) ** 2
-        scale = (self.factor / (1 - np.minimum(self.weak, WEAKEST))) ** 2
         # no less than what the noise of the force alone makes, S_nn S / (S - N)^2
-        variance = np.maximum(of_h1, size * self.floor / self.factor**2) * scale
+        variance = np.maximum(of_h1 * self.factor**2, size * self.floor)
         variance = variance + size * (self.bias * self.factor) ** 2 * self.uncertain
-        # Without a force nothing is known of an FRF: it may be as large as anywhere else.
-        elsewhere = np.max(np.where(self.weak < 1, size, 0.0), axis=1, keepdims=True)
-        return np.asarray(np.where(self.weak < 1, variance, np.maximum(variance, elsewhere)))
+        return widened(values.T[:, :, None], variance.T[:, :, None], self.weak)[:, :, 0].T
 
 
 def less_noise(sums: Sums, noise: AtRest) -> LessNoise:
