@@ -25,10 +25,12 @@ from ema.estimate import (
     equal_impacts,
     hammer_findings,
     impact_choice,
+    impact_noise,
     single_input,
 )
 from ema.estimate.block_end import RingDown, ring_down
 from ema.estimate.channel_swap import probably_swapped
+from ema.estimate.force_noise import LESS_NOISE, AtRest
 from ema.estimate.judge import Judged, judge_record
 from ema.estimate.levels import LevelEffect, level_bins, level_effect
 from ema.estimate.record_agreement import SingleBlocks, about_impacts
@@ -75,6 +77,9 @@ class HammerSettings:
         block. It is applied to force and response, and passed on in ``FrfSet.added_decay``.
     window_force : bool, default True
         Replace the force outside its contacts by zero.
+    less_noise : bool, default True
+        Take noise of the force channel off H1 where it matters, as the samples before the impacts show it
+        (:mod:`ema.estimate.impact_noise`).
     keep : sequence of str, optional
         Impacts to use whatever is wrong with them, by ``"all"``, by fault (``"double-hit"``, ``"overload"``,
         ``"pre-trigger"``, ``"next-impact"``, ``"early-impact"``), by record or point (``"12:+Z"``), or by their number
@@ -94,6 +99,7 @@ class HammerSettings:
     level: tuple[float, float] | None = None
     decay: float | None = None
     window_force: bool = True
+    less_noise: bool = True
     keep: Sequence[str] = ()
     reject: Sequence[str] = ()
 
@@ -113,6 +119,16 @@ class _Blocks(NamedTuple):
     length: int
     before: int
     decay: float
+
+
+@dataclass
+class _Averaged:
+    """Sums over the impacts, the impacts themselves while they are small, and the mean energy of the noise of the force
+    at each of its DOFs that is to be taken off H1."""
+
+    sums: dict[_Key, Sums] = field(default_factory=dict)
+    single: SingleImpacts = field(default_factory=SingleImpacts)
+    noise: Mapping[Dof, AtRest] = field(default_factory=dict)
 
 
 @dataclass
@@ -226,8 +242,8 @@ def hammer_test(
             got="; ".join(sorted({one.reasons[0].text for one in judged})[:3]),
             advice="all of them are excluded by the settings or the campaign",
         )
-    sums: dict[_Key, Sums] = {}
-    single, effects = SingleImpacts(), list[LevelEffect]()
+    averaged, effects = _Averaged(), list[LevelEffect]()
+    sums, single = averaged.sums, averaged.single
     blocks = _Blocks(length, before, added)
     names = dict[_Key, list[str]]()
     for key, used, parts, effect in _transformed(run, takes, judged, blocks, settings, progress):
@@ -236,6 +252,11 @@ def hammer_test(
         names.setdefault(key, []).extend(f"{one.record}, impact {one.index}" for one in used)
         effects += [effect] if effect is not None else []
     gallery = _gallery(takes, judged, sums, length, rate)
+    if settings.estimator == "H1" and settings.less_noise:
+        averaged.noise, about = _force_noise(
+            takes, judged, sums, blocks=blocks, gallery=gallery, windowed=settings.window_force, where=where
+        )
+        findings += about
     findings += [
         *clipping.about_normal_forces(run),
         *breaks.about_breaks(run),
@@ -250,7 +271,7 @@ def hammer_test(
         *_about_points(single, names, where),
         *hammer_findings.about_band(gallery.usable_band, float(gallery.frequencies[-1]), where),
     ]
-    return _assemble(run, takes[0], sums, single, blocks, settings, findings), gallery
+    return _assemble(run, takes[0], averaged, blocks, settings, findings), gallery
 
 
 def _scan(run: Run, takes: _Takes, settings: HammerSettings, progress: Progress) -> tuple[list[Judged], list[Finding]]:
@@ -426,16 +447,16 @@ def _spectra(
 ) -> tuple[Complex[np.ndarray, "freq"], Complex[np.ndarray, "out freq"]]:
     """Fourier transforms of force and responses of an impact; zeros follow where its room is shorter than the block."""
     length, before, decay = blocks
-    start = one.start - min(one.before, before)
+    start, window = _force_window(one, blocks, record.sampling_rate, windowed)
     room = min(length, impact_choice.room_of(one, before))
-    pulse = _pulse(record.signals[layout.references[0]], one, start, room, windowed)
+    force = record.signals[layout.references[0]]
+    pulse = (force[start : start + len(window)] - one.offset) * window.astype(force.dtype)
     rows = list(layout.responses)
     block = record.signals[rows[0] : rows[-1] + 1, start : start + room]
     if rows != list(range(rows[0], rows[-1] + 1)):
         block = record.signals[rows, start : start + room]
     if decay > 0:
         window = exponential_window(room, one.start - start, record.sampling_rate, decay).astype(block.dtype)
-        pulse = pulse * window[: len(pulse)]
         block = (block - one.rest.astype(block.dtype)[:, None]) * window
     elif room < length:
         block = block - one.rest.astype(block.dtype)[:, None]
@@ -445,12 +466,19 @@ def _spectra(
     return scipy.fft.rfft(pulse, length), response
 
 
-def _pulse(
-    signal: Float[np.ndarray, "sample"], one: Judged, start: int, length: int, windowed: bool
-) -> Float[np.ndarray, "some"]:
-    """The force of a block without its offset; when windowed, its contacts with a taper, the main one up to twice."""
-    if not windowed:
-        return signal[start : start + length] - one.offset
+def _force_window(one: Judged, blocks: _Blocks, rate: float, windowed: bool) -> tuple[int, Float[np.ndarray, "some"]]:
+    """First sample of a block, and the window over its force: with a taper over its contacts, the main one up to twice,
+    or over all of it, times the exponential window."""
+    start = one.start - min(one.before, blocks.before)
+    length = min(blocks.length, impact_choice.room_of(one, blocks.before))
+    window = _contacts(one, start, length) if windowed else np.ones(length)
+    if blocks.decay > 0:
+        window = window * exponential_window(len(window), one.start - start, rate, blocks.decay)
+    return start, window
+
+
+def _contacts(one: Judged, start: int, length: int) -> Float[np.ndarray, "some"]:
+    """Window over the contacts of an impact up to the end of the last one."""
     contact = max(one.pulse.stop - one.pulse.start, 4)
     main = one.pulse.start
     spans = [(max(main - contact // 20, start), main + 2 * contact + 8)]
@@ -463,21 +491,61 @@ def _pulse(
         if low < high:
             some = force_window(high - low, first - start - low, min(last - start, end) - low, taper)
             window[low:high] = np.maximum(window[low:high], some)
-    return np.asarray((signal[start : start + end] - one.offset) * window.astype(signal.dtype))
+    return window
+
+
+def _force_noise(
+    takes: _Takes,
+    judged: list[Judged],
+    sums: Mapping[_Key, Sums],
+    *,
+    blocks: _Blocks,
+    gallery: HitGallery,
+    windowed: bool,
+    where: str,
+) -> tuple[dict[Dof, AtRest], list[Finding]]:
+    """Mean energy of the noise inside the windows of each force where it matters and is known, with findings."""
+    quiet = _quiet(takes, judged)
+    frequencies = np.asarray(gallery.frequencies)
+    band = (frequencies > 0) & (frequencies <= gallery.usable_band[1])
+    bias, lost, noise = np.zeros(len(frequencies)), np.zeros(len(frequencies), bool), dict[Dof, AtRest]()
+    for (dof, _), part in sums.items():
+        if dof not in noise:
+            own = [one for one in judged if one.used and one.dof == dof]
+            used = [_force_window(one, blocks, takes[0].sampling_rate, windowed)[1] for one in own]
+            noise[dof] = impact_noise.noise_energy(quiet, used, blocks.length)
+        less = impact_noise.less_noise(part, noise[dof])
+        bias, lost = np.maximum(bias, less.bias), lost | (less.weak >= 1)
+    few = min(one.averages for one in noise.values()) < impact_noise.ENOUGH
+    reason = quiet.reason or (impact_noise.SHORT if few else "")
+    findings = impact_noise.about_noise(bias, lost, frequencies, band, reason=reason, where=where)
+    return noise if findings and not reason else {}, findings
+
+
+def _quiet(takes: _Takes, judged: list[Judged]) -> impact_noise.Quiet:
+    """Noise of the force before a sample of the impacts that are used."""
+    numbers = [number for number, one in enumerate(judged) if one.used]
+    parts = []
+    for number in numbers[:: max(len(numbers) // SAMPLED_IMPACTS, 1)]:
+        one, earlier = judged[number], judged[number - 1] if number else None
+        force = takes[one.place].signals[takes[one.place].with_role("reference")[0]]
+        same = earlier is not None and earlier.place == one.place
+        parts.append(impact_noise.quiet_part(force, one, earlier if same else None))
+    known = [part for part in parts if part is not None]
+    return impact_noise.quiet(known) if known else impact_noise.level_alone(force)
 
 
 def _assemble(
     run: Run,
     first: Recording,
-    sums: dict[_Key, Sums],
-    single: SingleImpacts,
+    averaged: _Averaged,
     blocks: _Blocks,
     settings: HammerSettings,
     findings: list[Finding],
 ) -> FrfSet:
     """The FRF set of all sums."""
     length, _, decay = blocks
-    sums = _without_overlap(sums)
+    sums = _without_overlap(averaged.sums)
     inputs = tuple(dict.fromkeys(force for force, _ in sums))
     outputs = tuple(dict.fromkeys(dof for _, dofs in sums for dof in dofs))
     lines = length // 2 + 1
@@ -494,6 +562,14 @@ def _assemble(
         )
         averages[rows, column] = part.averages
     factor = single_input.over_h1(coherence, settings.estimator)
+    if averaged.noise:
+        factor = np.ones(shape)
+        for (force, dofs), part in sums.items():
+            column, rows = inputs.index(force), [outputs.index(dof) for dof in dofs]
+            less = impact_noise.less_noise(part, averaged.noise[force])
+            factor[column, rows] = less.factor
+            values[column, rows] *= less.factor
+            variance[column, rows] = less.variance(values[column, rows], variance[column, rows])
     where = channels.describe(run, first)
     layout = channels.layout(first, where)
     quantity, unit = channels.frf_quantity(
@@ -509,7 +585,7 @@ def _assemble(
         unit=unit,
         coherence=coherence.transpose(2, 1, 0),
         variance=variance.transpose(2, 1, 0),
-        estimator=settings.estimator,
+        estimator=LESS_NOISE if averaged.noise else settings.estimator,
         averages=averages,
         added_decay=decay,
         record_length=length / first.sampling_rate,
@@ -520,7 +596,7 @@ def _assemble(
         provenance=Provenance(
             steps=("estimate.hammer",), options=tuple((name, str(value)) for name, value in vars(settings).items())
         ),
-        deviations=single.deviations(values, sums, outputs, inputs, factor),
+        deviations=averaged.single.deviations(values, sums, outputs, inputs, factor),
     )
 
 

@@ -89,8 +89,8 @@ def shaker(
     Where channels have the role ``generator``, one for each force, their signals are the reference of forces and
     responses instead of the measured forces, ``H = S_yr / S_xr`` (:mod:`ema.estimate.generator`): noise of the force
     channels and disturbances that come back through the shaker then have no bias. The coherence is that of the
-    responses with the generators. Where the run has records at rest, ``welch`` takes the noise of the force channel off
-    H1 (:mod:`ema.estimate.force_noise`); the local model says how large it is.
+    responses with the generators. Where the run has records at rest, the noise of the force channel that they show is
+    taken off H1 (:mod:`ema.estimate.force_noise`).
 
     Parameters
     ----------
@@ -146,6 +146,7 @@ def shaker(
     where, drift = channels.describe(run), Drift()
     driven = bool(layout.generators) and estimator == "H1"
     rest = None if driven or estimator != "H1" else at_rest(run, layout, first.sampling_rate, cut)
+    name = generator.NAME if driven else estimator if rest is None else force_noise.LESS_NOISE
     if method == "local":
         if estimator != "H1":
             raise InputError("the local model is an H1 estimate", got=estimator, advice="use method='welch'")
@@ -155,8 +156,8 @@ def shaker(
         length = _length(run, records, block)
         frequencies = np.arange(1, length // 2) * first.sampling_rate / length
         kept, beyond = _excited(frequencies, excited_band(inputs, first.sampling_rate, cut.length), where)
-        parts = local_frfs(run, records, length, kept, progress)
-        name = f"{generator.NAME if driven else 'H1'} (local model)"
+        parts = local_frfs(run, records, length, kept, progress, rest=None if rest is None else rest.in_blocks(length))
+        name = f"{name} (local model)"
     else:
         inputs = welch(run, records, cut, progress, drift, parts=MOST, generators=driven)
         frequencies = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
@@ -168,11 +169,10 @@ def shaker(
         else:
             parts = welch_frfs(inputs, estimator, kept)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
-        name = generator.NAME if driven else estimator if rest is None else "H1 less force noise"
     if rest is not None:
         lines = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
         within = (lines >= frequencies[kept][0]) & (lines <= frequencies[kept][-1])
-        beyond = (*beyond, *force_noise.about_force(inputs, rest, lines, within, method == "welch", where))
+        beyond = (*beyond, *force_noise.about_force(inputs, rest, lines, within, where))
     weak = parts.pop("weakness", None)
     findings = (
         *parts.pop("findings", ()),
@@ -309,14 +309,20 @@ def welch_frfs(found: Spectra, estimator: Estimator, kept: Bool[np.ndarray, "fre
 
 
 def local_frfs(
-    run: Run, records: Sequence[Recording], length: int, kept: Bool[np.ndarray, "freq"], progress: Progress
+    run: Run,
+    records: Sequence[Recording],
+    length: int,
+    kept: Bool[np.ndarray, "freq"],
+    progress: Progress,
+    *,
+    rest: AtRest | None = None,
 ) -> dict[str, Any]:
     """FRFs, coherence, variance and averages of the local model on the ``kept`` lines, over records and their blocks of
     ``length`` samples.
 
     All blocks have the denominators in common, as far as they fit into memory together; beyond that their FRFs are
     averaged with the inverse of their variances as weights. The coherence is the part of the response power that forces
-    and transient explain.
+    and transient explain. Noise of the force on the lines of the blocks, by ``rest``, is taken off.
     """
     first = records[0]
     layout = channels.layout(first, channels.describe(run, first))
@@ -327,7 +333,12 @@ def local_frfs(
     effective: list[tuple[int, Any, Any]] = []
     single = SingleBlocks()
     weak: list[Any] = []
+    uncertain: list[Any] = []
     for names, blocks in _together(run, records, length, progress):
+        if rest is not None:
+            acting = force_noise.predicted([force for force, _ in blocks], rest)
+            blocks = [(force, answer) for force, (_, answer) in zip(acting.forces, blocks, strict=True)]
+            uncertain.append((acting.uncertain[kept], acting.weak[kept]))
         estimate = local_model.local_model(blocks, kept, forces=len(layout.generators))
         for name, values, weight in zip(names, estimate.blocks, estimate.weights, strict=True):
             single.keep(name, values, weight)
@@ -340,10 +351,14 @@ def local_frfs(
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(noise), where=power > 0), 0, 1)
     values = weighted / weights
     counts = [count for count, _, _ in effective]
+    variance = 1 / weights
+    if uncertain:
+        of_power, without = np.average(uncertain, axis=0, weights=counts) / len(counts)
+        variance = force_noise.widened(values, variance + np.abs(values) ** 2 * of_power[:, None, None], without)
     return {
         "values": values,
         "coherence": np.repeat(coherence[:, :, None], values.shape[2], axis=2),
-        "variance": 1 / weights,
+        "variance": variance,
         "averages": np.full(values.shape[1:], float(single.count)),
         "deviations": _deviations(values, single),
         "effective_lines": np.average([lines for _, lines, _ in effective], axis=0, weights=counts),

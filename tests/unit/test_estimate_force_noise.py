@@ -8,6 +8,7 @@ import pytest
 from acquisition import open_campaign
 from ema.errors import InputError
 from ema.estimate import h1_h2_bounds, quality, shaker
+from ema.estimate.force_noise import AtRest, predicted
 from ema.store import save
 from tests.bench import disturbances_shaker as bench
 from tests.unit.test_estimate_generator import coverage
@@ -47,13 +48,42 @@ def test_the_variance_without_the_noise_at_rest_covers(noise, samples):
     assert noise < 0.05 or np.mean(without, axis=0)[0] < 0.90
 
 
-def test_the_local_model_says_what_it_leaves_in():
+def test_the_local_model_without_the_noise_at_rest():
+    """20 dB of drop-out: a fifth of noise puts the peaks of the local model far too low."""
     rng = np.random.default_rng(5150)
-    run = run_at_rest(rng, bench.shaken(rng, shaker=10.0), 0.1, 2**13)
+    test = bench.shaken(rng, shaker=10.0)
+    run = run_at_rest(rng, test, 0.2, 2**15)
     (record,) = run.recordings
-    short = replace(run, recordings=(replace(record, signals=record.signals[:, : 2**13]),))
-    (finding,) = [one for one in shaker(short, block=2**11).findings if one.code == "force-noise"]
-    assert finding.severity == "warning" and finding.value > 0.05
+    short = replace(run, recordings=(replace(record, signals=record.signals[:, : 2**14]),))
+    less, plain = (shaker(one, block=2**12) for one in (short, replace(short, at_rest=())))
+    assert less.estimator == "H1 less force noise (local model)" and "force-noise" in codes(less)
+    (at_peaks, beside), (biased, _) = coverage(less, test.case), coverage(plain, test.case)
+    assert at_peaks > 0.75 and beside > 0.9 and biased < 0.5
+    taken, left = (
+        np.mean((np.abs(frfs.values) / wanted)[near]) - 1
+        for frfs, wanted, near in (peaks_and_band(one, test.case) for one in (less, plain))
+    )
+    assert left < -0.2 and abs(taken) < 0.4 * abs(left)
+
+
+def test_the_prediction_has_the_power_of_the_acting_force():
+    """Forces with a notch, in blocks of two levels; its power in closed form, the scatter of the ratio over the lines."""
+    rng = np.random.default_rng(5160)
+    lines = np.arange(1, 4000)
+    power = 1 - 0.99 / (1 + ((lines - 2000) / 60) ** 2)
+
+    def normal(size):
+        return np.sqrt(size / 2) * (rng.standard_normal((2, len(lines))).T @ np.array([1, 1j]))
+
+    levels = [1.0, 1.0, 4.0, 4.0]
+    forces = [normal(level * power) for level in levels]
+    measured = [force + normal(0.05) for force in forces]
+    found = predicted([one[:, None] for one in measured], AtRest(np.full(len(lines), 0.05), 1e4))
+    for level, x, u in zip(levels, measured, found.forces, strict=True):
+        wanted = level * power / (level * power + 0.05)
+        error = np.abs(u[:, 0] / x - wanted) / wanted
+        stated = np.sqrt(found.uncertain)
+        assert np.mean(error[20:-20] < 3 * stated[20:-20] + 0.02) > 0.97
 
 
 def test_clean_force_channels_are_not_named():

@@ -116,6 +116,46 @@ def test_a_force_that_does_not_act_in_a_block_is_left_out_there():
         assert np.all(found.weights[1 - force][:, :, force] == 0)
 
 
+def two_shakers(rng, force_noise, noise, *, blocks=4, lines=110):
+    """FRFs (freq, 3, 2) of one mode and its surroundings, and spectra of two generators (correlated), of the two forces
+    and of three responses: the structure pulls the forces down, x = (1 + D C S)^-1 r, and all have leakage."""
+    frequencies = np.arange(1.0, lines)
+    pole = 2 * np.pi * (-3 + 1j * PEAK)
+    function = abs(pole.real) / (2j * np.pi * frequencies - pole)
+    residues = np.outer(SHAPE, SHAPE[:2])
+    frfs = function[:, None, None] * residues + 0.05 * np.array([[1, 2], [2, 1], [0.5, 0.3]])
+    loop = np.eye(2) + function[:, None, None] * (np.array([[1.6, 0.4], [0.4, 1.6]]) @ residues[:2])
+    left = (0.3 * function / np.linalg.det(loop))[:, None]
+
+    def normal(*shape):
+        return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+
+    spectra = []
+    for _ in range(blocks):
+        generators = normal(lines - 1, 2) @ np.array([[1.0, 0.6], [0.0, 0.8]])
+        forces = np.linalg.solve(loop, generators[:, :, None])[:, :, 0] + left * normal(2)
+        responses = np.einsum("foi,fi->fo", frfs, forces) + left * normal(3) + noise * normal(lines - 1, 3)
+        spectra.append((generators, np.hstack([forces + force_noise * normal(lines - 1, 2), responses])))
+    return frfs, spectra
+
+
+@pytest.mark.parametrize("force_noise", [0.01, 0.3])
+def test_two_generators_of_two_shakers(force_noise):
+    """Their FRFs have no bias and their variance covers where the forces drop and are noisy; that of H1 does not."""
+    near, covered, plain, ratios = slice(54, 66), [], [], []
+    for seed in range(4):
+        true, spectra = two_shakers(np.random.default_rng([60, seed]), force_noise, 0.02)
+        found = local_model(spectra, forces=2)
+        direct = local_model([(outputs[:, :2], outputs[:, 2:]) for _, outputs in spectra])
+        covered.append(np.abs(found.values - true) ** 2 < 3.0 * found.variance)
+        plain.append((np.abs(direct.values - true) ** 2 < 3.0 * direct.variance)[near])
+        ratios.append((found.values / true)[near])
+    # Of each draw the twelve lines of a peak have one error in common: some 16 of them are independent.
+    assert np.mean(np.array(covered)[:, near]) > 0.7 and np.mean(covered) > 0.90
+    assert abs(np.mean(ratios) - 1) < 0.02 + 0.4 * force_noise
+    assert force_noise < 0.05 or np.mean(plain) < 0.75
+
+
 @pytest.mark.slow
 def test_narrow_peaks_in_noise_are_not_made_wider():
     """One peak of five lines with exact FRFs in noise of a tenth of it: the damping that the FRFs tell by least squares.
