@@ -4,7 +4,8 @@ In relative terms (over the measured loss eta) the data of one channel are
 
     y_i / eta_i = (H_i b) / eta_i + delta(t_i) + noise,        t = ln(a / a_1)
 
-H b is the law (``modal_laws``; linear in b = (lambda_0, eta_0, kappa_1, ...)), delta a Gaussian process that is 0 at
+H b is the law (``modal_laws``; linear in b = (lambda_0, eta_0, kappa_1, ..., c)) with a spring that hardens or softens
+with the cube of the motion beside it (c a^2 in lambda alone: Krack and Gross 2019, Sec. 2.4), delta a Gaussian process that is 0 at
 the lowest level and whose variance grows with the distance in log amplitude: a Wiener process, plus its integral for
 what keeps a direction (Kennedy and O'Hagan 2001; Brynjarsdottir and O'Hagan 2014). b is integrated out exactly; a_s,
 the shapes and the scales of delta are quasi-random draws from their priors with importance weights. Levels are ordered,
@@ -34,6 +35,12 @@ _LINEAR = (20.0, 1.0, 2.0)
 """Prior standard deviation of lambda_0, eta_0 and of the loss of a joint, over the loss at the highest level (the first
 two), and up to ``_REACH`` times the highest amplitude."""
 _REACH = 2.0
+_CUBIC, _WITH_CUBIC = 0.5, 0.5
+"""Prior standard deviation of what a conservative nonlinearity adds to lambda at the highest level, over the loss there,
+and the probability that there is one: contact that closes or opens with the motion, or a structure that stretches,
+which no friction law describes."""
+_NONE = 1e-6
+"""The same standard deviation where there is none: far below what any frequency shows."""
 _NUGGET = 1e-8
 """Variance that is added to the diagonal of a kernel, relative: a safeguard against rounding in its factors."""
 _ENOUGH = 300
@@ -87,17 +94,18 @@ class LawPosterior:
 
     @cached_property
     def nonlinear(self) -> dict[str, np.ndarray]:
-        """Parameters: ``scale`` (draw, spring) ln(a_max / a_s), ``shapes`` (draw, shape), ``sigma`` (draw, 2)."""
+        """Parameters: ``scale`` (draw, spring) ln(a_max / a_s), ``shapes`` (draw, shape), ``sigma`` (draw, 2),
+        and whether there is a cubic spring, ``cubic`` (draw,)."""
         from scipy.stats import norm
 
         law, springs, unit = self.law, self.law.springs if self.law.scaled else 0, self.unit
         low, high = _SLIP_RANGE
         scale = np.sort(low + (high - low) * unit[:, :springs], axis=1)
         ends = np.array([(shape.low, shape.high) for shape in law.shapes]).reshape(-1, 2)
-        shapes = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * unit[:, springs:-2]
+        shapes = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * unit[:, springs:-3]
         median, spread = self.discrepancy
-        sigma = np.array(median) * np.exp(spread * norm.ppf(np.clip(unit[:, -2:], 1e-9, 1 - 1e-9)))
-        return {"scale": scale, "shapes": shapes, "sigma": sigma}
+        sigma = np.array(median) * np.exp(spread * norm.ppf(np.clip(unit[:, -3:-1], 1e-9, 1 - 1e-9)))
+        return {"scale": scale, "shapes": shapes, "sigma": sigma, "cubic": unit[:, -1] < _WITH_CUBIC}
 
     def parameters(self) -> tuple[tuple[str, ...], Float[np.ndarray, "draw parameter"], list[tuple[float, float]]]:
         """Names, values and ranges of the parameters in which the law is not linear."""
@@ -115,9 +123,12 @@ class LawPosterior:
         top, loss = data.distance[-1], data.values[1].max()
         scale = drawn["scale"] if self.law.scaled else np.zeros((self.draws, 1))
         springs = scale.shape[1]
-        rows = np.zeros((self.draws, 2, len(distance), 2 + springs))
+        rows = np.zeros((self.draws, 2, len(distance), 3 + springs))
         rows[:, 0, :, 0] = rows[:, 1, :, 1] = 1.0
-        std = np.empty((self.draws, 2 + springs))
+        # a restoring force k3 x^3 adds 3/4 k3 a^2 to the stiffness and nothing to the loss
+        rows[:, 0, :, -1] = np.exp(2 * (distance - top))
+        std = np.empty((self.draws, 3 + springs))
+        std[:, -1] = np.where(drawn["cubic"], _CUBIC, _NONE) * loss
         std[:, :2] = _LINEAR[0] * loss, _LINEAR[1] * data.values[1, 0]
         for n in range(springs):
             amplitude = np.exp(scale[:, n : n + 1] + distance - top)
@@ -164,7 +175,7 @@ class LawPosterior:
         covariance = np.linalg.inv(precision)
         sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         # losses and shares of stiffness are positive: what the Gaussian leaves below 0 does not count
-        positive = norm.logcdf(mean[:, 1:] / sd[:, 1:]).sum(axis=1)
+        positive = norm.logcdf(mean[:, 1:-1] / sd[:, 1:-1]).sum(axis=1)
         weights = -0.5 * misfit - logs - spread + positive - self.log_proposal
         return Conditional(self, lowest, mean, covariance, weights)
 
@@ -185,7 +196,7 @@ def posterior(
     """
     from scipy.stats import qmc
 
-    count = (law.springs if law.scaled else 0) + len(law.shapes) + 2
+    count = (law.springs if law.scaled else 0) + len(law.shapes) + 3
     prior_draws = qmc.Sobol(count, seed=seed).random(draws)
     near, generator = int((1 - _DEFENSIVE) * draws), np.random.default_rng(seed)
     drawn = LawPosterior(law, data, targets, prior_draws, np.zeros(draws), **prior)
@@ -300,7 +311,7 @@ class Conditional:
             )
             design = self.posterior.design[0][some][:, :, index]
             law = np.einsum("dcti,di->dct", design, b)
-            good = (b[:, 1:] >= 0).all(axis=1) & (law > 0).all(axis=(1, 2))
+            good = (b[:, 1:-1] >= 0).all(axis=1) & (law > 0).all(axis=(1, 2))
             if form:
                 white = generator.standard_normal((len(some), 2, factor.shape[-1]))
                 line = factor[some][:, :, index]

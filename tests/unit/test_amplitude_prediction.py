@@ -281,3 +281,30 @@ def test_the_verb_asks_for_the_unit(written):
     done = command("predict", written, "--amplitude", "60")
     assert done.exit_code == 2
     assert "an amplitude without a unit" in done.stderr
+
+
+def test_bands_of_the_frequency_hold_where_contact_hardens_or_softens_with_the_motion_beside_the_slip() -> None:
+    """Rayleigh (1887): F = (1 - b a) x +- b (a^2 - x^2) / 2, hence 1 - s = b a and d = 4 / (3 pi) b a; beside it c x^3.
+
+    A cubic force adds to the stiffness with the square of the amplitude and takes no energy: at the highest level 0.3 to
+    0.7 times the loss there, up or down. Without it in the model 24 of 36 frequencies were inside.
+    """
+    rng, inside = np.random.default_rng(20), []
+    for _ in range(12):
+        levels, beyond = np.geomspace(0.2, 1.0, 6), np.array([1.25, 1.5, 2.0])
+        at = np.concatenate([levels, beyond])
+        lost, background = rng.uniform(0.01, 0.03) * at, rng.uniform(0.001, 0.004)
+        loss = background + 4 / (3 * np.pi) * lost
+        cubic = rng.choice([-1, 1]) * rng.uniform(0.3, 0.7) * loss[len(levels) - 1]
+        squared = 1 - lost + cubic * at**2
+        f, zeta = 80 * np.sqrt(squared), loss / (2 * squared)
+        std = 0.05 * (zeta * f)[: len(levels)], 0.01 * zeta[: len(levels)]
+        bands = [
+            Band(value - 1.96 * s, value, value + 1.96 * s)
+            for value, s in (
+                (true[: len(levels)] + s * rng.standard_normal(len(levels)), s) for true, s in zip((f, zeta), std)
+            )
+        ]
+        found = predict_amplitudes(AmplitudeDependentMode(levels, *bands), beyond.tolist(), laws=[law("power law")])
+        inside.append((found.frequency.low <= f[len(levels) :]) & (f[len(levels) :] <= found.frequency.high))
+    assert np.sum(inside) >= 33
