@@ -8,6 +8,7 @@ _HOMES = {
     "from_sdynpy": "ema.interop.structured",
     "from_sdypy": "ema.interop.sdypy_model",
     "modes_from_sdypy": "ema.interop.sdypy_model",
+    "to_dataframe": "ema.interop.dataframes",
     "to_pyfbs": "ema.interop.frames",
     "to_pyoma": "ema.interop.operational",
     "to_sdynpy": "ema.interop.structured",
