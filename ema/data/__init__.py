@@ -1,5 +1,6 @@
 """Data types: frozen dataclasses over numpy; no algorithms, no files, no plots."""
 
+from ema.arguments import checked
 from ema.data.amplitude import AmplitudeDependentMode, AmplitudePrediction, Band, LawParameter, SteppedLevel
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
@@ -132,3 +133,6 @@ __all__ = [
     "natural_frequencies",
     "poles_from",
 ]
+
+for _name in __all__:
+    globals()[_name] = checked(globals()[_name], __name__)

@@ -1,5 +1,6 @@
 """Objects of other Python packages for modal analysis, to and from ours; none of those packages is imported."""
 
+from ema.arguments import checked_names
 from ema.lazy import attach
 
 _HOMES = {
@@ -17,3 +18,4 @@ _HOMES = {
 }
 
 __getattr__, __dir__, __all__ = attach(__name__, _HOMES)
+__getattr__ = checked_names(__name__, __getattr__)
