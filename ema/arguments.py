@@ -73,7 +73,7 @@ class Hint:
     axes: tuple[str, ...] = ()
 
 
-def checked(target: Any, package: str) -> Any:
+def checked(target: Any, package: str, after: Callable[[Any], None] | None = None) -> Any:
     """Return a public function or class that refuses arguments of other types than it declares.
 
     Parameters
@@ -82,6 +82,8 @@ def checked(target: Any, package: str) -> Any:
         A function comes back as one around it; of a class the constructors are exchanged. Others come back as they are.
     package : str
         Package that makes it public, for its name in errors.
+    after : callable, optional
+        Called with every object that the constructor of a dataclass has made.
 
     Returns
     -------
@@ -101,7 +103,9 @@ def checked(target: Any, package: str) -> Any:
     if isinstance(target, type):
         for name, own in list(vars(target).items()):
             if name == "__init__" and isinstance(own, types.FunctionType):
-                setattr(target, name, _guarded(own, target.__name__, shapes=not is_dataclass(target)))
+                guarded = _guarded(own, target.__name__, shapes=not is_dataclass(target))
+                follows = after is not None and is_dataclass(target)
+                setattr(target, name, _followed(guarded, after) if follows else guarded)
             elif isinstance(own, classmethod) and not name.startswith("_"):
                 setattr(target, name, classmethod(_guarded(own.__func__, f"{target.__name__}.{name}")))
         return target
@@ -110,6 +114,15 @@ def checked(target: Any, package: str) -> Any:
     guarded = _guarded(target, f"{package}.{target.__name__}")
     guarded.__module__ = package  # by which it is found again in another process
     return guarded
+
+
+def _followed(constructor: Callable[..., None], after: Any) -> Any:
+    @functools.wraps(constructor)
+    def followed(made: Any, *args: Any, **named: Any) -> None:
+        constructor(made, *args, **named)
+        after(made)
+
+    return followed
 
 
 def checked_names(package: str, get: Callable[[str], Any]) -> Callable[[str], Any]:

@@ -14,6 +14,7 @@ from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.frf import FrfSet
 from ema.data.geometry import Geometry
 from ema.data.hits import Hit, HitGallery
+from ema.data.invariants import check
 from ema.data.maps import ModalMap
 from ema.data.modal import (
     Candidate,
@@ -135,4 +136,4 @@ __all__ = [
 ]
 
 for _name in __all__:
-    globals()[_name] = checked(globals()[_name], __name__)
+    globals()[_name] = checked(globals()[_name], __name__, after=check)

@@ -105,13 +105,13 @@ def test_a_path_in_place_of_an_object_says_how_to_read_it() -> None:
         "ema.fit.modes gives one; read a stored one by ema.store.load(file)"
     )
     with pytest.raises(InputError, match="got None, expected a text or a path"):
-        store.load(None)
+        store.load(None)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="got 'beam', expected a sequence of Source"):
-        archive.add("here", "beam")
+        archive.add("here", "beam")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"got a FrfSet, expected Geometry; read one by acquisition\.read"):
         shapes.align(examples.frf_set(), examples.geometry())  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"to_sdypy, frfs: .*; got a ModalModel, expected FrfSet"):
-        interop.to_sdypy(examples.modal_model())
+        interop.to_sdypy(examples.modal_model())  # type: ignore[arg-type]
 
 
 @given(some.floats(-1e6, 1e6), some.sampled_from(["Hz", "N", "%", ""]), some.sampled_from(["", " "]))
