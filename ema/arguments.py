@@ -306,6 +306,13 @@ def _path(value: Any) -> Any:
     return Path(_where(isinstance(value, str | PathLike), value))
 
 
+def _whole(value: Any) -> Any:
+    """An array of any values, with one axis or more."""
+    if isinstance(value, np.ndarray) and value.ndim:
+        return value
+    return _made(_where(isinstance(value, list | tuple) or hasattr(value, "to_numpy"), value), None)
+
+
 def _none(value: Any) -> Any:
     return _where(value is None, value)
 
@@ -319,7 +326,7 @@ _PLAIN: dict[Any, Hint] = {
     Path: Hint("a path", _path),
     None: Hint("None", _none),
     type(None): Hint("None", _none),
-    np.ndarray: Hint("an array", lambda value: value if isinstance(value, np.ndarray) else _made(value, None)),
+    np.ndarray: Hint("an array", _whole),
 }
 
 
