@@ -87,17 +87,44 @@ def _dofs(number: int) -> Any:
     return lambda draw: tuple(Dof(int(next(draw._numbers)), "-X") for _ in range(number))
 
 
+def _share(draw: Draw) -> float:
+    return draw.number() / 1e5
+
+
+def _shares(*shape: int) -> Any:
+    return lambda draw: np.array([_share(draw) for _ in range(int(np.prod(shape)))]).reshape(shape)
+
+
+def _below(draw: Draw) -> np.ndarray:
+    """Lower bounds: below all other numbers."""
+    return -np.array([[draw.number(), draw.number()], [draw.number(), draw.number()]])
+
+
 GIVEN: dict[str, Drawn] = {
-    "Dof": {"direction": lambda _: "-RX"},
-    "Matrices": {"dofs": _dofs(3)},
-    "ModalModel": {"dofs": _dofs(3), "scaling": lambda _: "unit modal mass"},
-    "ModeComparison": {"dofs": _dofs(3)},
-    "HarmonicResponse": {"dofs": _dofs(3)},
-    "Response": {"dofs": _dofs(3)},
-    "PoleTable": {"letter": lambda _: np.array(["o", "s"])},
-    "FrfSet": {"quantity": lambda _: "mobility", "unit": lambda _: "(m/s)/N"},
+    "AmplitudeDependentMode": {"dofs": _dofs(3)},
+    "Band": {"level": _share},
+    "Candidate": {"confidence": _share},
+    "Candidates": {"beams": lambda _: np.array([1, 0])},
     "Channel": {"quantity": lambda _: "force", "unit": lambda _: "N"},
+    "ConditionDifference": {"mac": _shares(2)},
+    "ContactPressure": {"open_time": _shares(2)},
+    "Dof": {"direction": lambda _: "-RX"},
     "ForceSurface": {"force": lambda draw: data.Band(*(draw.number() + np.zeros((2, 2)) for _ in range(3)))},
+    "ForcedResonances": {"several": _shares(2)},
+    "ForcedResponse": {"folded": _share},
+    "FrfSet": {"quantity": lambda _: "mobility", "unit": lambda _: "(m/s)/N", "coherence": _shares(5, 2, 2)},
+    "HarmonicResponse": {"dofs": _dofs(3)},
+    "LevelEffect": {"lower": lambda draw: -draw.number()},
+    "MapComparison": {"inside": _share},
+    "MapPrediction": {"frequency_low": _below, "damping_low": _below},
+    "Matrices": {"dofs": _dofs(3)},
+    "ModalModel": {"dofs": _dofs(3), "scaling": lambda _: "unit modal mass", "confidence": _shares(2)},
+    "ModeComparison": {"dofs": _dofs(3), "mac": _shares(2), "co_mac": _shares(3)},
+    "ModeQuality": {"modal_phase_collinearity": _shares(2)},
+    "NonlinearMode": {"dofs": _dofs(3)},
+    "PoleTable": {"letter": lambda _: np.array(["o", "s"])},
+    "Response": {"dofs": _dofs(3), "slip_time": _shares(2)},
+    "SetUps": {"number": lambda _: np.array([[0, 1], [1, 0]])},
 }
 """Fields whose values the types do not say."""
 

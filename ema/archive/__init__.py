@@ -1,5 +1,6 @@
 """An index of many campaigns: runs, conditions, modes with their intervals and findings, and questions about them."""
 
+from ema.arguments import checked_names
 from ema.lazy import attach
 
 _HOMES = {
@@ -14,3 +15,4 @@ _HOMES = {
 }
 
 __getattr__, __dir__, __all__ = attach(__name__, _HOMES)
+__getattr__ = checked_names(__name__, __getattr__)

@@ -1,5 +1,6 @@
 """Data types: frozen dataclasses over numpy; no algorithms, no files, no plots."""
 
+from ema.arguments import checked
 from ema.data.amplitude import AmplitudeDependentMode, AmplitudePrediction, Band, LawParameter, SteppedLevel
 from ema.data.beam import BeamModel, Damping, FrictionLaw, Joint, Matrices, NormalContact
 from ema.data.campaign import Campaign, Lazy, Repair, Run
@@ -13,6 +14,7 @@ from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.frf import FrfSet
 from ema.data.geometry import Geometry
 from ema.data.hits import Hit, HitGallery
+from ema.data.invariants import check
 from ema.data.maps import ModalMap
 from ema.data.modal import (
     Candidate,
@@ -132,3 +134,6 @@ __all__ = [
     "natural_frequencies",
     "poles_from",
 ]
+
+for _name in __all__:
+    globals()[_name] = checked(globals()[_name], __name__, after=check)

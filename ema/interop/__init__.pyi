@@ -1,3 +1,4 @@
+from ema.interop.dataframes import to_dataframe as to_dataframe
 from ema.interop.frames import from_pyfbs as from_pyfbs
 from ema.interop.frames import to_pyfbs as to_pyfbs
 from ema.interop.labelled import to_xarray as to_xarray

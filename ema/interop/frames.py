@@ -56,8 +56,8 @@ def from_pyfbs(
     >>> from_pyfbs(*tables)[0].outputs == frf_set().outputs
     True
     """
-    kind = quantity or _kind(df_chn)
     tables = [_columns(table, name) for table, name in ((df_chn, "df_chn"), (df_imp, "df_imp"))]
+    kind = quantity or _kind(df_chn)
     positions, directions = (np.concatenate([table[part] for table in tables]) for part in (0, 1))
     rows, xyz = _points(positions)
     axes = np.array([_axes(directions[rows == row], row + 1) for row in range(len(xyz))])
@@ -87,12 +87,13 @@ def _kind(df_chn: "pd.DataFrame") -> str:
 
 def _columns(table: "pd.DataFrame", name: str) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
     """Positions and directions, the latter of length 1."""
-    missing = [column for column in (*_POSITION, *_DIRECTION) if column not in table]
+    known = getattr(table, "columns", None)
+    missing = [column for column in (*_POSITION, *_DIRECTION) if known is None or column not in known]
     if missing:
         raise InputError(
             "not a table of pyFBS",
             where=name,
-            got="no column " + ", ".join(missing),
+            got=type(table).__name__ if known is None else "no column " + ", ".join(missing),
             expected="Position_1 to Position_3 and Direction_1 to Direction_3",
         )
     positions = table[_POSITION].to_numpy(float)

@@ -1,5 +1,6 @@
 """Mode shapes: how alike, how complex, and where in space."""
 
+from ema.arguments import checked
 from ema.shapes.alignment import Alignment, align, on_test_dofs
 from ema.shapes.certainty import MacUncertainty, mac_uncertainty
 from ema.shapes.complexity import (
@@ -43,3 +44,6 @@ __all__ = [
     "with_plate",
     "with_rigid_body",
 ]
+
+for _name in __all__:
+    globals()[_name] = checked(globals()[_name], __name__)

@@ -115,7 +115,8 @@ def expand_by_modes(test: ModalModel, model: ModalModel, modes: "list[int] | Non
     Raises
     ------
     InputError
-        If fewer DOFs are shared than modes are combined, or the modes look alike at the shared DOFs.
+        If fewer DOFs are shared than modes are combined, the modes look alike at the shared DOFs, or a position is that
+        of no mode.
 
     References
     ----------
@@ -131,6 +132,13 @@ def expand_by_modes(test: ModalModel, model: ModalModel, modes: "list[int] | Non
     (4, 3)
     """
     chosen = list(range(len(model.poles))) if modes is None else list(modes)
+    if not chosen or not all(0 <= mode < len(model.poles) for mode in chosen):
+        raise InputError(
+            "these are no positions of modes of the model",
+            where=test.name,
+            got=chosen,
+            expected=f"one or more of 0 to {len(model.poles) - 1}",
+        )
     pairs = match(test.dofs, model.dofs)
     if len(pairs) < len(chosen):
         raise InputError(

@@ -5,6 +5,7 @@ records that are larger than memory, ``describe`` says what a file holds without
 any file atomically.
 """
 
+from ema.arguments import checked_names
 from ema.lazy import attach
 
 _HOMES = {
@@ -19,3 +20,4 @@ _HOMES = {
 }
 
 __getattr__, __dir__, __all__ = attach(__name__, _HOMES)
+__getattr__ = checked_names(__name__, __getattr__)

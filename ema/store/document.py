@@ -12,7 +12,7 @@ from ema import data
 from ema.data import Lazy
 from ema.data.window import Window
 from ema.dof import Dof
-from ema.errors import EmaError, InputError
+from ema.errors import InputError
 from ema.own_functions import LawName
 from ema.store.meaning import Meaning, meaning
 
@@ -151,8 +151,9 @@ def _build(name: str, members: dict[str, Any]) -> Any:
         )
     try:
         return container(**members)
-    except EmaError:
-        raise
+    except InputError as error:  # without its place, so that the file is named; the sentence says of which field it is
+        what = f"{error.where}: {error.what}" if error.where else error.what
+        raise InputError(what, got=error.got, expected=error.expected, advice=error.advice) from error
     except Exception as error:  # whatever a damaged file makes a constructor raise, the caller gets one sentence
         raise InputError(
             f"{name} in the file is damaged ({str(error).splitlines()[0][:120]})",

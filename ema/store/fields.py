@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from ema.data.invariants import as_stored
 from ema.errors import InputError
 from ema.store.document import decode
 from ema.store.layout import ITEMS
@@ -73,4 +74,5 @@ def load_fields(path: str | Path, *fields: str, name: str | None = None) -> dict
                 lambda place, number: _maker(path, f"{group}/{place}/{number}", state)(),
             )
 
-        return {field: value(field) for field in fields}
+        with as_stored(str(path)):
+            return {field: value(field) for field in fields}

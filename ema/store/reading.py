@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 
 from ema.data import Lazy, Recording
+from ema.data.invariants import as_stored
 from ema.data.stored_signals import StoredSignals
 from ema.data.window import Window
 from ema.errors import EmaError, InputError
@@ -367,12 +368,13 @@ def _maker(path: Path, group: str, state: tuple[int, int, int]) -> Any:
 def _item(file: h5py.File, group: str, path: Path, state: tuple[int, int, int]) -> Any:
     tree = _tree(file, group)
     _check_sequences(file, group, tree)
-    return decode(
-        tree,
-        lambda part, checksum: _array(file[group], part, checksum),
-        lambda part, place: _maker(path, f"{group}/{part}/{place}", state)(),
-        lambda part: _window(file[group], part, path, state),
-    )
+    with as_stored(str(path)):
+        return decode(
+            tree,
+            lambda part, checksum: _array(file[group], part, checksum),
+            lambda part, place: _maker(path, f"{group}/{part}/{place}", state)(),
+            lambda part: _window(file[group], part, path, state),
+        )
 
 
 def _window(group: h5py.Group, part: str, path: Path, state: tuple[int, int, int]) -> Window:
@@ -423,11 +425,12 @@ def _without_samples(file: h5py.File, group: str) -> tuple[Recording, int]:
     path = tree["signals"]["$array"]
     signals = _dataset(file[group], path)
     empty = np.zeros((signals.shape[0], 0), signals.dtype)
-    record = decode(
-        tree,
-        lambda part, checksum: empty if part == path else _array(file[group], part, checksum),
-        _no_items,
-    )
+    with as_stored(file.filename):
+        record = decode(
+            tree,
+            lambda part, checksum: empty if part == path else _array(file[group], part, checksum),
+            _no_items,
+        )
     return record, int(signals.shape[1])
 
 

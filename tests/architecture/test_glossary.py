@@ -19,8 +19,8 @@ replacing respond save serve smooth speaking summary text updated validated warn
 ORDINARY = frozenset(VERBS_AND_FILES.split())
 """English words that are no terms: verbs, and nouns of files and programs, with their ordinary meaning."""
 
-PROJECTS = frozenset({"pyfbs", "pyoma", "sdynpy", "sdypy", "xarray"})
-"""Names of other packages, in the functions that exchange objects with them."""
+PROJECTS = frozenset({"dataframe", "pyfbs", "pyoma", "sdynpy", "sdypy", "xarray"})
+"""Names of other packages and of their objects, in the functions that exchange objects with them."""
 
 
 @pytest.fixture(scope="module")

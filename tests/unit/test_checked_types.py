@@ -177,7 +177,8 @@ def test_a_generator_is_one(check):
 def test_functions_and_containers_of_the_package_are_checked():
     refused(synthesised, "model", np.arange(3.0))
     given = {each.name: None for each in fields(FrfSet) if each.init}
-    refused(FrfSet, **given)
+    checked_by_the_tests = FrfSet.__init__.__wrapped__.__wrapped__  # behind the checks that are always there
+    refused(checked_by_the_tests, object.__new__(FrfSet), **given)
 
 
 HINTS = (

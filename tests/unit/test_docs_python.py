@@ -1,4 +1,4 @@
-"""Python of the pages on comparing, large sets, placing, predicting and recording runs as it stands.
+"""Python of the pages on comparing, large sets, placing, predicting, recording and tables runs as it stands.
 
 The names that a page speaks of (a run, a map, a model) are given as its text introduces them.
 """
@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import ema
-from ema import shapes, store
+from ema import examples, shapes, store
 from ema.data import Candidates, Channel, Condition, Excitation, ModalModel, Recording, Run, poles_from
 from ema.dof import Dof
 from ema.place.recipe import load
@@ -170,3 +170,14 @@ def test_a_recording_session(root: Path, tmp_path: Path, monkeypatch: pytest.Mon
     accepted = sum(line.endswith("accepted") for line in lines)
     assert len(lines) == 5 and accepted >= 4
     assert len(list((tmp_path / "today" / "raw").glob("beam_1kN_*.h5"))) == accepted
+
+
+def test_tables_of_pandas(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The condition whose lower bound is highest, read from the arrays of the forecast."""
+    executed(root, "coming-from.md", 0)
+    forecast = examples.forecast()
+    _, level, force = np.unravel_index(np.argmax(forecast.damping_low), forecast.damping_low.shape)
+    assert capsys.readouterr().out == (
+        f"F_E {forecast.force_levels[level]:g} N, F_N {forecast.normal_forces[force]:g} N: "
+        f"zeta at least {100 * forecast.damping_low.max():.2f} %\n"
+    )

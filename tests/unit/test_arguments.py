@@ -1,0 +1,194 @@
+"""What a newcomer passes by mistake is answered in a sentence, by every public function and constructor."""
+
+import importlib
+import inspect
+import pickle
+import types
+import typing
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+import numpy as np
+import pandas as pd
+import pytest
+from beartype.roar import BeartypeCallHintViolation
+from hypothesis import given
+from hypothesis import strategies as some
+from jaxtyping import Complex, Float, Int
+
+from ema import archive, data, examples, interop, shapes, store
+from ema.arguments import checked, hint_of
+from ema.dof import Dof
+from ema.errors import EmaError, InputError
+from tests.containers import Draw
+
+PACKAGES = ("ema.data", "ema.shapes", "ema.interop", "ema.archive", "ema.store")
+WRONG: dict[str, Any] = {
+    "path as text": "modes.h5",
+    "path": Path("modes.h5"),
+    "list": [1.0, 2.0],
+    "table": pd.DataFrame({"a": [1.0]}),
+    "quantity": "5 Hz",
+    "number as text": "5",
+    "nothing": None,
+    "integers": [1, 2],
+    "complex number": 1 + 2j,
+    "complex array": 1j * np.ones((2, 2)),
+    "vector": np.ones(3),
+    "number": 3.0,
+    "FRFs": examples.frf_set(),
+    "modes": examples.modal_model(),
+}
+"""What is plausible for somebody else's library."""
+GIVEN = {
+    type(one): one for one in (examples.modal_model(), examples.frf_set(), examples.geometry(), examples.modal_map())
+}
+NOT_CALLED = {
+    ("ema.data", "Source"),  # a protocol
+    ("ema.archive", "Observation"),  # a row that a search returns
+    ("ema.shapes", "with_body_uncertainty"),  # needs a surface with a constant term
+}
+
+
+def public() -> list[tuple[str, str]]:
+    names = (Path(__file__).parents[1] / "architecture" / "public_names.txt").read_text(encoding="utf-8").split()
+    pairs = [(package, name) for package, _, name in (full.rpartition(".") for full in names) if package in PACKAGES]
+    return [pair for pair in pairs if pair not in NOT_CALLED]
+
+
+def right(hint: Any, name: str) -> Any:
+    """A value of the declared type."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        return right(next(one for one in arguments if one is not type(None)), name)
+    if origin in (list, Sequence):
+        return [right(arguments[0], name)]
+    if hint is str or hint is Path:
+        return "absent.h5"
+    return GIVEN[hint] if hint in GIVEN else Draw().value(hint, name)
+
+
+@pytest.mark.parametrize(("package", "name"), public())
+def test_no_wrong_argument_ends_in_an_error_of_python(
+    package: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    target = getattr(importlib.import_module(package), name)
+    parameters = inspect.signature(target).parameters
+    hints = {}
+    for key, parameter in parameters.items():
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+            hints[key] = parameter.annotation
+    base = {}
+    for key, hint in hints.items():
+        if parameters[key].default is inspect.Parameter.empty:
+            try:
+                base[key] = right(hint, key)
+            except (AssertionError, StopIteration, AttributeError):  # any object, or a hint for type checkers
+                base[key] = None
+    for key in hints:
+        for what, value in WRONG.items():
+            try:
+                target(**base | {key: value})
+            except (EmaError, BeartypeCallHintViolation):
+                pass
+            except Exception as error:
+                pytest.fail(f"{name}({key}={what}): {type(error).__name__}: {error}")
+
+
+def test_a_path_in_place_of_an_object_says_how_to_read_it() -> None:
+    with pytest.raises(InputError) as refused:
+        shapes.compare("modes.h5", examples.modal_model())  # type: ignore[arg-type]
+    assert str(refused.value) == (
+        "ema.shapes.compare, a: not what this argument takes; got 'modes.h5', expected ModalModel; "
+        "ema.fit.modes gives one; read a stored one by ema.store.load(file)"
+    )
+    with pytest.raises(InputError, match="got None, expected a text or a path"):
+        store.load(None)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="got 'beam', expected a sequence of Source"):
+        archive.add("here", "beam")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"got a FrfSet, expected Geometry; read one by acquisition\.read"):
+        shapes.align(examples.frf_set(), examples.geometry())  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"to_sdypy, frfs: .*; got a ModalModel, expected FrfSet"):
+        interop.to_sdypy(examples.modal_model())  # type: ignore[arg-type]
+
+
+@given(some.floats(-1e6, 1e6), some.sampled_from(["Hz", "N", "%", ""]), some.sampled_from(["", " "]))
+def test_a_text_in_place_of_a_number_is_answered_with_the_number(value: float, unit: str, space: str) -> None:
+    text = f"{value!r}{space}{unit}"
+    with pytest.raises(InputError) as refused:
+        data.Excitation("hammer", level=text)  # type: ignore[arg-type]
+    assert refused.value.where == "Excitation.level" and refused.value.expected == "a number"
+    assert refused.value.got == repr(text)
+    assert float(refused.value.advice.removeprefix("write the number alone, in SI units: ")) == value
+
+
+def test_complex_numbers_are_not_made_real_in_silence() -> None:
+    frfs = examples.frf_set()
+    with pytest.raises(InputError, match=r"FrfSet\.frequencies: complex numbers where real ones are expected"):
+        data.FrfSet(frfs.frequencies + 0j, frfs.values, frfs.outputs, frfs.inputs, "accelerance")
+
+
+def test_numbers_of_nodes_in_place_of_dofs_say_how_dofs_are_written() -> None:
+    frfs = examples.frf_set()
+    with pytest.raises(InputError, match=r'expected a sequence of Dof; write Dof\(1, "\+Z"\) or Dof\.parse'):
+        data.FrfSet(frfs.frequencies, frfs.values, [1, 2, 3, 4], frfs.inputs, "accelerance")  # type: ignore[arg-type]
+
+
+def test_a_choice_is_one_of_its_words() -> None:
+    with pytest.raises(InputError, match=r"Excitation.kind: .*; got 'hamer', expected one of 'hammer', 'sweep'"):
+        data.Excitation("hamer")  # type: ignore[arg-type]
+
+
+def test_lists_become_arrays_and_tuples() -> None:
+    decay = data.Decay([0, 1], [2, 1], [40, 41], [0.02, 0.01])  # type: ignore[arg-type]
+    assert decay.times.dtype == float and decay.frequencies.tolist() == [40, 41]
+    condition = data.Condition(joints=[data.JointForce("left")])  # type: ignore[arg-type]
+    assert condition.joints == (data.JointForce("left"),)
+    assert np.allclose(shapes.mac([[1, 1], [1, -1]], [[1], [1]]), [[1], [0]])  # type: ignore[arg-type]
+    column = pd.Series([40.0, 41.0])
+    assert data.Decay([0, 1], [2, 1], column, [0.02, 0.01]).frequencies.tolist() == [40, 41]  # type: ignore[arg-type]
+
+
+def test_arrays_of_functions_have_the_axes_of_their_names() -> None:
+    with pytest.raises(InputError, match=r"mac, a: .*wrong number of axes; got an array of shape \(3,\), float64"):
+        shapes.mac(np.ones(3), np.ones((3, 1)))
+
+    def scaled(a: Float[np.ndarray, "mode 2"], b: Complex[np.ndarray, "mode"], n: Int[np.ndarray, "k"]) -> float:
+        return float(len(a) + len(b) + len(n))
+
+    call = checked(scaled, "here")
+    assert call(np.ones((3, 2)), np.ones(3), [1.0, 2.0]) == 8  # whole numbers are integers
+    with pytest.raises(
+        InputError, match=r"here.scaled, b: arrays and axes disagree; got 4 along mode, expected 3, as in a"
+    ):
+        call(np.ones((3, 2)), np.ones(4), np.ones(1))
+    with pytest.raises(InputError, match=r"here.scaled, a: arrays and axes disagree; got 3 along 2, expected 2"):
+        call(np.ones((3, 3)), np.ones(3), [1])
+    with pytest.raises(InputError, match=r"here.scaled, n: .*got \[1.5\] \(list\), expected an array of integers"):
+        call(np.ones((3, 2)), np.ones(3), [1.5])
+
+
+def test_modes_that_a_model_does_not_have_are_not_combined() -> None:
+    model = examples.modal_model()
+    for modes in ([7], [-1], []):
+        with pytest.raises(InputError, match=r"no positions of modes of the model; .*expected one or more of 0 to 2"):
+            shapes.expand_by_modes(model, model, modes)
+
+
+def test_a_missing_argument_stays_an_error_of_the_call() -> None:
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'b'"):
+        shapes.mac(np.ones((2, 1)))  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="unexpected keyword argument 'levels'"):
+        data.Excitation(levels=5.0)  # type: ignore[call-arg]
+
+
+def test_public_functions_are_found_again_in_another_process() -> None:
+    for function in (shapes.mac, store.load, archive.find, interop.to_xarray):
+        assert pickle.loads(pickle.dumps(function)) is function
+
+
+def test_what_says_nothing_of_values_is_not_compared() -> None:
+    assert hint_of(Any) is None and hint_of(object) is None and hint_of(float | Any) is None
+    assert hint_of(tuple[Dof, ...] | None).expected == "a sequence of Dof or None"  # type: ignore[union-attr]
