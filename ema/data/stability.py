@@ -205,15 +205,17 @@ class SteadyStateCurve(Container):
     force : float
         Amplitude of the force [N].
     largest : array of shape (point,)
-        Largest magnitude of a Floquet multiplier [-]; NaN where it was not computed.
+        Largest magnitude of a Floquet multiplier [-]; NaN where it was not computed, and the verdict is that of the
+        neighbours on both sides.
     verdicts : tuple of str
         ``stable``, ``unstable`` or ``undecided`` for every point.
     losses : tuple of str
         Kind of the loss of stability of every point, empty where it is stable.
-    isolated : bool, default False
-        Whether the curve does not hang together, in the band that was followed, with the one that begins at its edge.
-    closed : bool, default False
-        Whether the curve returned to its first point.
+    ends : tuple of (str, str), default ("edge", "edge")
+        Where the curve begins and ends: ``edge`` of the band, ``closed`` where it returned to its first point, ``lost``
+        where it could not be followed any farther.
+    detached : bool, default False
+        Whether it began at a state of a search that lay on no curve known by then.
     name : str, optional
         What the model is called in messages.
 
@@ -234,13 +236,18 @@ class SteadyStateCurve(Container):
     largest: Float[np.ndarray, "point"]
     verdicts: tuple[str, ...]
     losses: tuple[str, ...]
-    isolated: bool = False
-    closed: bool = False
+    ends: tuple[str, str] = ("edge", "edge")
+    detached: bool = False
     name: str = ""
 
     def __post_init__(self) -> None:
         freeze(self, frequencies=np.float64, values=np.complex128, largest=np.float64)
         check_axes(self)
+
+    @property
+    def isolated(self) -> bool:
+        """Whether it is closed in itself: no sweep over the band comes to it without a jump."""
+        return self.ends == ("closed", "closed")
 
     @property
     def folds(self) -> Float[np.ndarray, "fold"]:

@@ -1,7 +1,7 @@
 """Floquet multipliers of steady states: the monodromy of the whole state over a period of the exciting force.
 
 A friction contact remembers: its state is more than displacements and velocities. The map that the time solver makes of
-displacements, velocities and states of the laws over a period is differentiated by differences of runs, where it closes:
+displacements, velocities and states of the laws over a period is differentiated by differences of runs where it closes:
 the harmonic solution is where the search for the periodic motion of the map begins (shooting; Seydel 2010, chapter 7).
 Friction springs are counted from where they would be unstressed, w = z - k u: one that never slips keeps its w, and has
 a multiplier of 1 that stands for a residual force, not for a loss of stability.
@@ -34,7 +34,8 @@ derivative by a millionth."""
 _WITHIN = 1e-4
 """Largest change of a relative displacement for differences, over that of the motion."""
 _LEAST_NUDGE = 1e-4
-"""Least size of a spring's coordinate over that of the motion that its change for differences is made for."""
+"""Least size of a spring's coordinate over that of the motion, and of the motion of a contact over the largest of them,
+that changes for differences are made for."""
 _DENSE, _SOUGHT, _LEADING, _BASIS = 64, 8, 4, 40
 """Coordinates up to which the whole monodromy is made; else so many of the largest multipliers are sought by Arnoldi's
 method, of which the first are kept, in a basis of that size."""
@@ -43,6 +44,8 @@ _CLOSED, _NEWTON_STEPS, _SHORTEST = 1e-9, 15, 0.1
 and the share of one below which none is tried."""
 _SOLVED = 1e-6
 """How far Newton's step is solved for by GMRES, relative."""
+_REMEMBERED = 1e-3
+"""Change of all forces, relative, that a law without loss keeps along the same motion for a period."""
 _KEPT = 1e-6
 """Row of the monodromy over that of a spring that keeps its force: the error of the derivative."""
 _SAFETY = 2.0
@@ -52,6 +55,7 @@ _LEAST_ERROR = 1e-6
 _SAME, _FARTHEST = 3.0, 0.05
 """How far the first harmonic of the periodic motion may be from the harmonic solution: that many times its stated
 error, and at most; farther away, another steady state was reached."""
+_NOT_AGAIN = "the steady state was not found again from its slips"
 _SAMPLES = 64
 """Of a period, from which its first harmonic is made."""
 
@@ -171,7 +175,8 @@ class PeriodMap:
 
     def nudges(self, size: float, moved: Float[np.ndarray, "contact"]) -> Float[np.ndarray, "coordinate"]:
         """Changes of the coordinates for differences; ``moved`` m are the amplitudes of the contacts."""
-        slips = np.abs(self.slip) / np.maximum(moved, 1e-300)[:, None]
+        moved = np.maximum(moved, max(_LEAST_NUDGE * float(moved.max(initial=0.0)), 1e-300))
+        slips = np.abs(self.slip) / moved[:, None]
         reach = np.max(slips, axis=0, initial=1e-300) / self.frequencies
         modes = np.minimum(_NUDGE * size, _WITHIN / reach)
         contact = self._kept[0]
@@ -195,7 +200,7 @@ class PeriodMap:
         limits = np.broadcast_to(self.limits[0][:, None], path.shape)
         if len(self.limits) > 1:
             limits = np.column_stack([self.limits[-1], self.limits[-1], self.limits.T])
-        nudge, nudged = _NUDGE * np.sqrt(np.mean(begun.z[self._kept] ** 2)), begun.z.copy()
+        nudge, nudged = _REMEMBERED * np.sqrt(np.mean(begun.z[self._kept] ** 2)), begun.z.copy()
         nudged[self._kept] += np.where(self.springs > 0, nudge, 0.0)
         h = 2 * np.pi / self.omega / self.steps
         ends = [self.laws.followed(path, limits, h, start)[1][self._kept] for start in (begun.z, nudged)]
@@ -334,6 +339,113 @@ def _unseen(condensed: Condensed, omega: float) -> Complex[np.ndarray, "multipli
     return np.exp(2 * np.pi / omega * np.concatenate([-0.5 * decay + root, -0.5 * decay - root]))
 
 
+def floquet_multipliers(
+    model: BeamModel,
+    response: HarmonicResponse,
+    settings: HarmonicBalance | None = None,
+    *,
+    normal_forces: Float[np.ndarray, "joint phase"] | None = None,
+    progress: Progress = silent,
+) -> tuple[FloquetMultipliers, ...]:
+    """Compute the Floquet multipliers of steady states: whether small disturbances of each die out.
+
+    The monodromy is that of the whole state over a period of the force, displacements, velocities and what the friction
+    laws remember, by differences of runs of the time solver about the periodic motion. It says nothing of large
+    disturbances, and nothing of states whose period is a multiple of that of the force.
+
+    Parameters
+    ----------
+    model : BeamModel
+        The model.
+    response : HarmonicResponse
+        Its steady states, as ``frf`` and ``frf_up_and_down`` compute them.
+    settings : HarmonicBalance, optional
+        The settings that the states were computed with.
+    normal_forces : array of shape (joint, phase), optional
+        The normal forces [N] that the states were computed with.
+    progress : Progress, optional
+        Called during the computation.
+
+    Returns
+    -------
+    tuple of FloquetMultipliers
+        One for every frequency. Where there is no steady state, or its periodic motion is not found again, its verdict
+        is ``undecided``, with the reason.
+
+    Raises
+    ------
+    InputError
+        If the response has other DOFs or contacts than the model.
+
+    References
+    ----------
+    .. [1] Seydel (2010), Practical Bifurcation and Stability Analysis, chapter 7.
+    .. [2] von Groll and Ewins (2001), The harmonic balance method with arc-length continuation in rotor/stator contact
+       problems, Journal of Sound and Vibration 241:223.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from ema.data import Damping
+    >>> from ema.examples import beam_model
+    >>> from ema.simulate import frf
+    >>> for ratio in (0.01, 0.0):
+    ...     model = replace(beam_model(), damping=Damping(ratio=ratio))
+    ...     response = frf(model, np.array([60.0]), force=1.0, at="1:+X", outputs=["1:+X"])
+    ...     print(floquet_multipliers(model, response)[0].verdict)
+    stable
+    undecided
+    """
+    chosen = settings or HarmonicBalance()
+    condensed = condense(
+        model, response.force, response.driven, response.dofs, chosen.tolerance, chosen.modes, normal_forces
+    )
+    condensed.budget = chosen.budget
+    condensed.keep(chosen.harmonics)
+    contacts = condensed.problem.system.contacts.tangential
+    if response.slips.shape[1] != contacts:
+        raise InputError(
+            "the steady states are those of another model",
+            where=model.name,
+            got=f"{response.slips.shape[1]} contacts",
+            expected=f"{contacts} contacts",
+            advice="give the model that the response was computed from",
+        )
+    found: list[FloquetMultipliers] = []
+    before: _Point | None = None
+    for row in range(len(response.frequencies)):
+        advance(progress, "multipliers", row, len(response.frequencies))
+        point = _again(condensed, response, row, before) if response.converged[row] else None
+        if point is None:
+            found.append(_open("there is no steady state" if not response.converged[row] else _NOT_AGAIN))
+            continue
+        found.append(multipliers_of(condensed, point))
+        before = point
+    return tuple(found)
+
+
+def _again(condensed: Condensed, response: HarmonicResponse, row: int, before: _Point | None) -> _Point | None:
+    """The solution of a row of a response, from its slips; of the neighbour where normal contacts move besides."""
+    slips = response.slips[row]
+    moving = np.flatnonzero(np.any(slips != 0, axis=0))
+    count = int(moving[-1]) + 1 if len(moving) else 1
+    start = np.zeros((len(condensed.limits), 2 * count))
+    start[: len(slips), ::2], start[: len(slips), 1::2] = slips[:, :count].real, -slips[:, :count].imag
+    # two numbers of harmonics are compared: begin with fewer than are needed
+    guesses = [start[:, : 2 * max(1, (count + 1) // 2)], start]
+    guesses += [] if before is None else [before.amplitudes]
+    values = response.values[row][:, list(response.orders).index(1)]
+    for guess in (*guesses, None):
+        point = condensed.solve(float(response.frequencies[row]), guess)
+        if point is None:
+            continue
+        away = float(np.linalg.norm(condensed.first(point) - values))
+        allowed = response.error_estimate[row] if response.error_estimate[row] < 1 else condensed.tolerance
+        if away <= (allowed + max(point.error, condensed.tolerance)) * float(np.linalg.norm(values)):
+            return point
+    return None
+
+
 def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
     """Floquet multipliers of a harmonic solution, with as many steps of the period as the verdict asks for.
 
@@ -363,7 +475,7 @@ def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
 
 
 def _open(reason: str) -> FloquetMultipliers:
-    return FloquetMultipliers(np.zeros(0), np.zeros(0), reason=reason)
+    return FloquetMultipliers(np.zeros(0, complex), np.zeros(0), reason=reason)
 
 
 def _result(
