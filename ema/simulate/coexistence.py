@@ -25,9 +25,9 @@ from ema.simulate.stability import multipliers_of
 from ema.simulate.steady_states import HarmonicBalance
 from ema.simulate.turning_points import ForcedCurve, slope
 
-_FEWEST, _MOST = 9, 15
-"""Harmonics with which curves are followed: as many as a state in the band asks for, between these. What bends a curve
-is in the low ones."""
+_FEWEST, _MOST, _MOST_FOLLOWED = 9, 15, 31
+"""Harmonics with which states are sought, between the first two: as many as one asks for; and at most those with which
+a curve is followed, as many as the state asks for at which it begins."""
 _ARCS = Arcs(first=0.01, longest=0.05, shortest=1e-6, most=1500, bend=0.9)
 """Steps along a curve, over the size of the motion and the width of the band, or one e-fold of the force."""
 _DISTINCT = 1e-3
@@ -409,17 +409,38 @@ def frf_curves(
     curves: list[_Followed] = []
     begun = condensed.solve(band[0])
     if begun is not None:
-        count = condensed.harmonics or min(max(_FEWEST, begun.count), _MOST)
-        start = condensed._again(begun, condensed.gains(begun.omega, count))
-        if start is not None:
-            curves.append(_one_way(condensed, start, edges, 1.0))
+        curves.append(_one_way(condensed, _to_follow(condensed, begun), edges, 1.0))
     for number, frequency in enumerate(np.linspace(*band, searched + 2)[1:-1]):
         advance(progress, "frequencies searched", number, searched)
         search, _, _ = _searched(condensed, float(frequency), (starts, seed + number, 10.0))
         for point in search.points:
             if not any(_on(search, curve, point) for curve in curves):
-                curves.append(replace(_curve(condensed, point, edges), detached=True))
+                begun = _to_follow(condensed, _refined(condensed, float(frequency), point))
+                curve = _curve(condensed, begun, edges)
+                # one that could not be followed any farther from the edge may be this one
+                parts = [n for n, one in enumerate(curves) if "lost" in one.ends and _contains(condensed, curve, one)]
+                curves = [one for n, one in enumerate(curves) if n not in parts]
+                curves.insert(min(parts, default=len(curves)), replace(curve, detached=0 not in parts))
     return tuple(_with_stability(condensed, curve, stability) for curve in curves)
+
+
+def _contains(condensed: Condensed, curve: _Followed, part: _Followed) -> bool:
+    """Whether a curve passes through the middle point of another one."""
+    middle = len(part.omegas) // 2
+    here = part.amplitudes[middle]
+    for there in curve.near(float(part.omegas[middle])):
+        size = min(here.shape[1], there.shape[1])
+        if np.linalg.norm(here[:, :size] - there[:, :size]) < _NEAR * np.linalg.norm(here):
+            return True
+    return False
+
+
+def _to_follow(condensed: Condensed, point: _Point) -> _Point:
+    """A solution with the harmonics with which its curve is followed."""
+    count = condensed.harmonics or min(max(_FEWEST, point.count), _MOST_FOLLOWED)
+    condensed.left = condensed.budget
+    again = condensed._again(point, condensed.gains(point.omega, count))
+    return point if again is None else again
 
 
 def _on(search: _Search, curve: _Followed, point: _Point) -> bool:

@@ -452,15 +452,17 @@ def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
     Every multiplier has as its error twice what half as many steps change, and what differences forward and backward
     differ by.
     """
-    steps, begun, before, result = _STEPS, None, None, None
-    while True:
+    steps, begun, before = _STEPS, None, None
+    result = _open("the time solver has no periodic motion near the harmonic solution")
+    while steps <= _MOST_STEPS:
         period = PeriodMap(condensed, point, steps)
         coordinates = period.start if begun is None else begun
         size, moved = period.extent(coordinates)
-        nudges = period.nudges(size, moved)
-        closed = _periodic(period, coordinates, nudges, size)
+        closed = _periodic(period, coordinates, period.nudges(size, moved), size)
+        steps *= 2
         if closed is None:
-            return result or _open("the time solver has no periodic motion near the harmonic solution")
+            begun, before = None, None
+            continue
         begun, sticking = closed.begun, ~closed.free
         families = period.families(begun, sticking)
         values, *others = closed.leading(families)
@@ -469,9 +471,10 @@ def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
             errors += np.maximum(*(_matched(values, other) for other in others))
             result = _result(condensed, point, period, (begun, values, errors, int(sticking.sum()) + families))
             margin = np.maximum(_ACCURATE, _OF_MARGIN * np.abs(np.abs(values) - 1.0))
-            if (np.all(errors <= margin) and result.verdict != UNDECIDED) or result.reason or steps >= _MOST_STEPS:
-                return result
-        before, steps = values, 2 * steps
+            if np.all(errors <= margin) and result.verdict != UNDECIDED:
+                break
+        before = values
+    return result
 
 
 def _open(reason: str) -> FloquetMultipliers:

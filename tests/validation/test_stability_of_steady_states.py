@@ -266,21 +266,21 @@ def test_sticking_springs_are_no_loss_of_stability(law):
     assert one.largest == pytest.approx(np.exp(-decay / 2 / 125.0), abs=1e-4)
 
 
-# LuGre: twice and more the force to begin sliding than to go on
-STILL, SLIDE_K, SLIDE_FC, PEAK, SIGMA, STRIBECK, SLIDE_DECAY = (2 * np.pi * 10) ** 2, 1e6, 10.0, 4.0, 100.0, 0.05, 4.0
+# LuGre: a larger force to begin sliding than to go on, PEAK times as large
+STILL, SLIDE_K, SLIDE_FC, SIGMA, STRIBECK, SLIDE_DECAY = (2 * np.pi * 10) ** 2, 1e6, 10.0, 100.0, 0.05, 4.0
 
 
-def lugre():
-    return oscillator(LuGre(1.0, SLIDE_K, SIGMA, 0.0, PEAK, STRIBECK), SLIDE_FC, (STILL, 1e5), SLIDE_DECAY)
+def lugre(peak):
+    return oscillator(LuGre(1.0, SLIDE_K, SIGMA, 0.0, peak, STRIBECK), SLIDE_FC, (STILL, 1e5), SLIDE_DECAY)
 
 
-def lugre_run(frequency, state, periods, force=15.0):
+def lugre_run(frequency, state, periods, peak, force=15.0):
     """State (x, v, bristle force) after whole periods, and the first harmonic of the last one."""
     omega = 2 * np.pi * frequency
 
     def motion(t, y):
         x, v, z = y
-        rate = SLIDE_K * (v - abs(v) * z / (SLIDE_FC * (1 + (PEAK - 1) * np.exp(-((v / STRIBECK) ** 2)))))
+        rate = SLIDE_K * (v - abs(v) * z / (SLIDE_FC * (1 + (peak - 1) * np.exp(-((v / STRIBECK) ** 2)))))
         pull = STILL * x + z + SIGMA * rate / SLIDE_K + SLIDE_DECAY * v
         return [v, force * np.cos(omega * t) - pull, rate]
 
@@ -289,41 +289,43 @@ def lugre_run(frequency, state, periods, force=15.0):
     return path[:, -1], abs(2 / 64 * path[0, :-1] @ np.exp(-1j * omega * times[:-1]))
 
 
-@pytest.fixture(scope="module")
-def curves():
-    return frf_curves(lugre(), (5.0, 14.0), 15.0, "1:+X", ["1:+X"], HarmonicBalance(2e-3), searched=1, starts=3)
+def lugre_state(frequency, first):
+    """State of a motion that slides, at the largest force."""
+    velocity = -2 * np.pi * frequency * first.imag
+    return np.array([first.real, velocity, np.sign(velocity) * SLIDE_FC])
 
 
-def test_an_isolated_branch_that_no_sweep_reaches_is_followed(curves):
-    """Sweeps both ways stay stuck; the motion that slides goes on for itself between two folds."""
-    stuck, isola = curves
-    assert not stuck.isolated and stuck.ends == ("edge", "edge") and isola.isolated and isola.detached
-    for swept in frf_up_and_down(lugre(), np.linspace(5.0, 14.0, 10), 15.0, "1:+X", ["1:+X"]):
-        assert np.abs(swept.values[:, 0, 0]).max() < 3e-5 < 1e-3 < np.abs(isola.values).min()
-    # both true edges of the sliding motion, by scipy, from the state on the isola at 9.5 Hz on in small steps
-    upper = np.argmax(np.where(np.abs(isola.frequencies - 9.5) < 0.6, np.abs(isola.values[:, 0]), 0.0))
-    begun, first = isola.frequencies[upper], isola.values[upper, 0]
-    state = np.array([first.real, -2 * np.pi * begun * first.imag, -np.sign(first.imag) * SLIDE_FC * 1.0])
-    state, size = lugre_run(begun, state, 10)
-    assert size == pytest.approx(abs(first), rel=0.01)
-    for edge in (isola.folds.min(), isola.folds.max()):
-        inside = begun + 0.95 * (edge - begun)
-        here = state
-        for frequency in np.linspace(begun, inside, 12)[1:]:
-            here, size = lugre_run(frequency, here, 6)
-        assert size > 1e-3
-        beyond = begun + 1.06 * (edge - begun)
-        for frequency in np.linspace(inside, beyond, 3)[1:]:
-            here, size = lugre_run(frequency, here, 10)
-        assert size < 1e-4
+def test_friction_that_sticks_harder_than_it_slides_has_two_stable_states_and_one_between():
+    """What scipy makes of motions a tenth above and below the unstable state: one slides on, the other one stops."""
+    found = coexisting_states(lugre(2.0), 10.0, 15.0, "1:+X", ["1:+X"], starts=0)
+    stuck, between, sliding = found.states
+    assert [state.stability.verdict for state in found.states] == ["stable", "unstable", "stable"]
+    assert between.stability.loss == "fold"
+    first = between.first[0]
+    sizes = [lugre_run(10.0, lugre_state(10.0, share * first), 30, 2.0)[1] for share in (0.9, 1.1)]
+    # what is left of the slide fades slowly in bristles that hold
+    assert sizes[0] < 2 * abs(stuck.first[0])
+    assert sizes[1] == pytest.approx(abs(sliding.first[0]), rel=5e-3)
 
 
-def test_the_upper_part_of_the_isolated_branch_is_stable_and_the_lower_one_is_not(curves):
-    _, isola = curves
-    sizes = np.abs(isola.values[:, 0])
-    near = np.flatnonzero(np.abs(isola.frequencies - 9.0) < 0.7)
-    upper, lower = near[np.argmax(sizes[near])], near[np.argmin(sizes[near])]
-    assert isola.verdicts[upper] == "stable" and isola.verdicts[lower] == "unstable" and isola.losses[lower] == "fold"
+def test_a_branch_that_no_sweep_reaches_is_followed_and_stable_where_motions_stay_on_it():
+    """Sweeps both ways stay stuck. Scipy slides on from 8.5 to 10.5 Hz, and comes to rest at 8.2 and 10.8 Hz."""
+    stuck, branch = frf_curves(
+        lugre(4.0), (5.0, 14.0), 15.0, "1:+X", ["1:+X"], HarmonicBalance(2e-3), searched=1, starts=0
+    )
+    assert stuck.ends == ("edge", "edge") and not stuck.detached and branch.detached
+    for swept in frf_up_and_down(lugre(4.0), np.linspace(5.0, 14.0, 10), 15.0, "1:+X", ["1:+X"]):
+        assert np.abs(swept.values[:, 0, 0]).max() < 3e-5 < 1e-3 < np.abs(branch.values).min()
+    stable = np.flatnonzero(np.array(branch.verdicts) == "stable")
+    assert branch.frequencies[stable].min() < 9.0 and branch.frequencies[stable].max() > 10.3
+    for n in stable[1::5]:
+        frequency, first = branch.frequencies[n], branch.values[n, 0]
+        assert lugre_run(frequency, lugre_state(frequency, first), 12, 4.0)[1] == pytest.approx(abs(first), rel=0.01)
+    for frequency in (8.2, 10.8):
+        nearest = stable[np.argmin(np.abs(branch.frequencies[stable] - frequency))]
+        state = lugre_state(frequency, branch.values[nearest, 0])
+        assert lugre_run(frequency, state, 40, 4.0)[1] < 1e-4
+        assert not np.any(np.abs(branch.frequencies[stable] - frequency) < 0.1)
 
 
 def test_an_undamped_structure_is_undecided_not_stable():
