@@ -9,6 +9,7 @@ proves that there are no others.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -235,8 +236,7 @@ def coexisting_states(
     """
     chosen = settings or HarmonicBalance()
     positive(model.name, frequency=frequency, budget=chosen.budget)
-    if not (isinstance(starts, int | np.integer) and starts >= 0):
-        raise InputError("not a number of starts", where=model.name, got=starts, expected="a whole number, 0 or more")
+    _whole(model.name, starts=starts)
     if not (is_number(span) and span > 1):
         raise InputError("not a span of forces", where=model.name, got=span, expected="a factor above 1")
     condensed = _condensed(model, force, at, outputs, chosen)
@@ -255,6 +255,20 @@ def coexisting_states(
     return CoexistingStates(
         tuple(states), condensed.problem.outputs, starts, solved, later, forces, findings, model.name
     )
+
+
+def _whole(where: str, **numbers: Any) -> None:
+    """Refuse what is no whole number from 0 on.
+
+    Raises
+    ------
+    InputError : as said.
+    """
+    for name, value in numbers.items():
+        if not (isinstance(value, int | np.integer) and value >= 0):
+            raise InputError(
+                f"not a number of {name}", where=where, got=f"{name} = {value!r}", expected="a whole number, 0 or more"
+            )
 
 
 def _condensed(
@@ -306,14 +320,16 @@ def _state(condensed: Condensed, point: _Point, multipliers: FloquetMultipliers,
 def _several(where: str, frequency: float, states: Sequence[SteadyState]) -> Iterator[Finding]:
     """A finding where several states coexist."""
     stable = sum(state.stability.stable for state in states)
-    yield Finding(
+    yield Finding.of(
         "warning",
         "several-steady-states",
         where,
-        f"{len(states)} steady states at {frequency:.5g} Hz, of which {stable} are stable.",
+        "{count} steady states at {frequency} Hz, of which {stable} are stable.",
         float(frequency),
-        None,
-        "Which of the stable states a structure takes depends on where it comes from: try both directions.",
+        advice="Which of the stable states a structure takes depends on where it comes from: try both directions.",
+        count=len(states),
+        frequency=f"{frequency:.5g}",
+        stable=stable,
     )
 
 
@@ -399,11 +415,9 @@ def frf_curves(
     (1, False)
     """
     chosen = settings or HarmonicBalance()
-    if not (len(band) == 2 and all(is_number(edge) for edge in band) and 0 < band[0] < band[1]):
+    if not (all(is_number(edge) for edge in band) and 0 < band[0] < band[1]):
         raise InputError("not a band", where=model.name, got=band, expected="two frequencies above 0 Hz, ascending")
-    for name, number in (("searched", searched), ("starts", starts)):
-        if not (isinstance(number, int | np.integer) and number >= 0):
-            raise InputError(f"not a number for {name}", where=model.name, got=number, expected="0 or more")
+    _whole(model.name, searched=searched, starts=starts)
     condensed = _condensed(model, force, at, outputs, chosen)
     edges = 2 * np.pi * band[0], 2 * np.pi * band[1]
     curves: list[_Followed] = []

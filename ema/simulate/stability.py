@@ -105,7 +105,7 @@ class PeriodMap:
     def springs(self) -> Float[np.ndarray, "kept"]:
         """Stiffness in N/m of the springs among the states that are kept, 0 for other states."""
         flexibility = self.laws.flexibility[self._kept]
-        return np.divide(1.0, flexibility, out=np.zeros_like(flexibility), where=flexibility > 0)
+        return np.asarray(np.divide(1.0, flexibility, out=np.zeros_like(flexibility), where=flexibility > 0))
 
     @cached_property
     def _scales(self) -> Float[np.ndarray, "kept"]:
@@ -152,7 +152,7 @@ class PeriodMap:
                 force[first:end] = table[:, kernels.FORCE] - pressed
                 energy = energy - table[:, kernels.ENERGY] + table[:, kernels.FORCE] * u[first:end]
                 z[first:end, 0], z[first:end, 1] = u[first:end], np.sqrt(2 * np.maximum(energy, 0.0))
-        return force
+        return np.asarray(force)
 
     def ahead(
         self, coordinates: Float[np.ndarray, "coordinate"], every: int | None = None
@@ -243,7 +243,7 @@ class Monodromy:
         signs = np.where(np.random.default_rng(len(self.nudges)).random(len(self.nudges)) < 0.5, -1.0, 1.0)
         moved = (self.period.ahead(self.begun + signs * self.nudges)[0] - self.end) / self.nudges
         springs = np.concatenate([np.zeros(2 * len(self.period.modes), bool), self.period.springs > 0])
-        return ~(springs & (np.abs(moved - signs) < _KEPT))
+        return np.asarray(~(springs & (np.abs(moved - signs) < _KEPT)))
 
     def product(self, vector: Float[np.ndarray, "free"], side: int = 0) -> Float[np.ndarray, "free"]:
         """Derivative along a vector, from a run ahead (``side`` 1), back (-1), or both (0)."""
@@ -494,7 +494,8 @@ def _result(
     values, errors = np.concatenate([values, unseen]), np.concatenate([errors, np.full(len(unseen), 1e-12)])
     order = np.argsort(-np.abs(values), kind="stable")
     harmonic = condensed.first(point)
-    distance = float(np.linalg.norm(period.first(begun, point) - harmonic) / max(np.linalg.norm(harmonic), 1e-300))
+    size = max(float(np.linalg.norm(harmonic)), 1e-300)
+    distance = float(np.linalg.norm(period.first(begun, point) - harmonic)) / size
     reason = ""
     if distance > min(_SAME * max(point.error, condensed.tolerance), max(_FARTHEST, point.error)):
         reason = "the periodic motion of the time solver is another one than the harmonic solution"
