@@ -50,6 +50,7 @@ _HOMES = {
     "shapes_over_dofs": "ema.show.shapes",
     "signals": "ema.show.recorded",
     "stabilisation": "ema.show.stability",
+    "steady_state_curves": "ema.show.folded_curves",
     "steady_states": "ema.show.simulated",
     "stepped_levels": "ema.show.amplitude",
     "tool_point": "ema.show.simulated",

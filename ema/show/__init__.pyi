@@ -5,6 +5,7 @@ from ema.show.amplitude import stepped_levels as stepped_levels
 from ema.show.animation import animate as animate
 from ema.show.compared import map_comparison as map_comparison
 from ema.show.compared import map_prediction as map_prediction
+from ema.show.folded_curves import steady_state_curves as steady_state_curves
 from ema.show.forced import amplitude_draws as amplitude_draws
 from ema.show.forced import force_surface as force_surface
 from ema.show.forced import forced_resonances as forced_resonances

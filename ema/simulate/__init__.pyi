@@ -1,9 +1,15 @@
+from ema.data.stability import CoexistingStates as CoexistingStates
+from ema.data.stability import FloquetMultipliers as FloquetMultipliers
+from ema.data.stability import SteadyState as SteadyState
+from ema.data.stability import SteadyStateCurve as SteadyStateCurve
 from ema.elements import Plate as Plate
 from ema.elements import Section as Section
 from ema.elements import beam as beam
 from ema.elements import double_beam as double_beam
 from ema.elements import plate_matrices as plate_matrices
 from ema.simulate.branches import frf_up_and_down as frf_up_and_down
+from ema.simulate.coexistence import coexisting_states as coexisting_states
+from ema.simulate.coexistence import frf_curves as frf_curves
 from ema.simulate.contact import ContactCurve as ContactCurve
 from ema.simulate.contact import PowerContact as PowerContact
 from ema.simulate.contact import RoughNormalContact as RoughNormalContact
@@ -44,6 +50,7 @@ from ema.simulate.maps import resonance as resonance
 from ema.simulate.maps import resonances as resonances
 from ema.simulate.nonlinear_modes import backbone as backbone
 from ema.simulate.rig import RingCell as RingCell
+from ema.simulate.stability import floquet_multipliers as floquet_multipliers
 from ema.simulate.steady_states import HarmonicBalance as HarmonicBalance
 from ema.simulate.steady_states import frf as frf
 from ema.simulate.structure import assemble as assemble
