@@ -9,7 +9,6 @@ from math import cos, tanh
 
 import numpy as np
 import pytest
-from scipy.integrate import ode
 
 from ema.data import BeamModel, Channel, Damping, Joint, Matrices
 from ema.dof import Dof
@@ -27,6 +26,7 @@ from ema.simulate import (
 )
 from ema.simulate.harmonic import condense, with_harmonics
 from ema.simulate.verification import verified
+from tests.dop853 import dop853
 
 F0, K, FC, RATIO = 100.0, 4e5, 30.0, 0.01
 SPRING = (2 * np.pi * F0) ** 2
@@ -55,21 +55,19 @@ def oscillator(law):
 def first_after(periods, frequency, force, first, *, mass=0.0, damper=0.0):
     """First harmonic, complex, of the period that begins after so many, from the state of one of amplitude ``first``.
 
-    ``mass`` and ``damper`` move with the oscillator. The code is that of Hairer, Norsett and Wanner (1993).
+    ``mass`` and ``damper`` move with the oscillator.
     """
     omega, period = 2 * np.pi * frequency, 1 / frequency
     loss = float(2 * RATIO * STUCK + damper)
 
     def motion(t, y):
-        x, speed = y.tolist()
+        x, speed = y
         rest = SPRING * x + FC * tanh(K * x / FC) + loss * speed
         return speed, (force * cos(omega * t) - rest) / (1 + mass)
 
     times = period * (periods + np.arange(64) / 64)
-    path = ode(motion).set_integrator("dop853", rtol=1e-8, atol=1e-12, nsteps=10**6, first_step=period / 64)
-    path.set_initial_value([first.real, -omega * first.imag])
-    displacements = np.array([path.integrate(time)[0] for time in times])
-    assert path.successful()
+    start = [first.real, -omega * first.imag]
+    displacements = dop853(motion, start, times, rtol=1e-8, atol=1e-12, first_step=period / 64)[0]
     return 2 / 64 * displacements @ np.exp(-1j * omega * times)
 
 
