@@ -118,7 +118,7 @@ def three_states(frequency, force):
     """The contact of one direction, and its three states: that of both sweeps and the one between them."""
     alone = condense(oscillator(ELASTIC(1.0, K)), force, "1:+X", ["1:+X"], 2e-3)
     low, high = alone.solve(frequency), alone.solve(135.0)
-    for step in np.arange(134.0, frequency - 0.5, -1.0):
+    for step in np.arange(132.0, frequency - 0.5, -2.0):
         high = alone.solve(step, high.amplitudes)
     starts = [with_harmonics(point.amplitudes, high.count) for point in (low, high)]
     return alone, low, alone.solve(frequency, starts[0] + 0.4 * (starts[1] - starts[0])), high
