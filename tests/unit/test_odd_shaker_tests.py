@@ -72,7 +72,7 @@ def said(frfs, code):
     return [finding for finding in frfs.findings if finding.code == code]
 
 
-ODD = ("records-disagree", "overload", "unsteady")
+ODD = ("records-disagree", "overload", "unsteady", "excited-band")
 
 
 def test_clean_tests_are_called_clean():
@@ -94,7 +94,7 @@ def test_bursts_of_random_force_with_silence_behind(records):
     rng = np.random.default_rng(3)
     takes = []
     for _ in range(records):
-        force = np.append(10 * rng.normal(size=2048), np.zeros(2048))
+        force = np.append(10 * rng.normal(size=1024), np.zeros(1024))
         takes.append(record(force, responses(force, rng)))
     frfs = shaker(run(takes))
     assert worst(frfs) < 0.05
@@ -104,8 +104,8 @@ def test_bursts_of_random_force_with_silence_behind(records):
 
 def test_two_shakers_one_after_the_other():
     rng = np.random.default_rng(4)
-    forces = 10 * rng.normal(size=(2, 16384))
-    forces[0, 8192:], forces[1, :8192] = 0, 0
+    forces = 10 * rng.normal(size=(2, 8192))
+    forces[0, 4096:], forces[1, :4096] = 0, 0
     frfs = shaker(run([record(forces, responses(forces, rng, inputs=(0, 3)))]))
     assert worst(frfs, (0, 3)) < 0.05
 
@@ -305,7 +305,6 @@ def test_lines_that_the_force_does_not_excite_are_left_out():
         )
     _, modes = fitted(estimates["local"], FitTable())
     assert modes.natural_frequencies == pytest.approx(FREQUENCIES, rel=1e-4)
-    assert not said(shaker(run(random_records(rng))), "excited-band")
 
 
 def narrow_forces(rng, count, samples, period=None):
@@ -339,9 +338,11 @@ ALONG_LINES = ("frequencies", "values", "coherence", "variance", "effective_line
 def test_excited_lines_are_estimated_as_if_all_were(monkeypatch, inputs, takes, options, period):
     """Every digit is that of the estimate on all lines, and so is every finding but that of the band itself."""
     rng = np.random.default_rng([23, len(inputs), takes, period or 0])
+    # Lines are modelled 256 together: of 1023 lines of four records, some 240 are excited, in two such groups.
+    samples = 2048 if takes == 4 and not period else 4096
     records = []
     for n in range(takes):
-        forces = narrow_forces(rng, len(inputs), 8192 if takes == 1 else 4096, period)
+        forces = narrow_forces(rng, len(inputs), samples, period)
         noisy = forces + 1e-3 * rng.normal(size=forces.shape)
         records.append(record(noisy, responses(forces, rng, inputs=inputs), f"take_{n}"))
     frfs = shaker(run(records), **options)

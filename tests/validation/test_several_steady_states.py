@@ -4,9 +4,11 @@ The contact force of 1 kg on a wall is F_C tanh(k x / F_C): it softens and loses
 folds as that of a Duffing oscillator does. Its equation of motion is integrated by DOP853.
 """
 
+from functools import cache
+from math import cos, tanh
+
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from ema.data import BeamModel, Channel, Damping, Joint, Matrices
 from ema.dof import Dof
@@ -24,6 +26,7 @@ from ema.simulate import (
 )
 from ema.simulate.harmonic import condense, with_harmonics
 from ema.simulate.verification import verified
+from tests.dop853 import dop853
 
 F0, K, FC, RATIO = 100.0, 4e5, 30.0, 0.01
 SPRING = (2 * np.pi * F0) ** 2
@@ -49,22 +52,28 @@ def oscillator(law):
     return BeamModel(host, wall, (joint,), Damping(ratio=RATIO), "oscillator")
 
 
-def settled(frequency, force, first, mass=0.0, damper=0.0):
-    """Amplitude of the first harmonic after 200 periods from the state of one of complex amplitude ``first``.
+def first_after(periods, frequency, force, first, *, mass=0.0, damper=0.0):
+    """First harmonic, complex, of the period that begins after so many, from the state of one of amplitude ``first``.
 
     ``mass`` and ``damper`` move with the oscillator.
     """
     omega, period = 2 * np.pi * frequency, 1 / frequency
+    loss = float(2 * RATIO * STUCK + damper)
 
     def motion(t, y):
-        rest = SPRING * y[0] + FC * np.tanh(K * y[0] / FC) + (2 * RATIO * STUCK + damper) * y[1]
-        return [y[1], (force * np.cos(omega * t) - rest) / (1 + mass)]
+        x, speed = y
+        rest = SPRING * x + FC * tanh(K * x / FC) + loss * speed
+        return speed, (force * cos(omega * t) - rest) / (1 + mass)
 
-    times = period * (200 + np.arange(64) / 64)
-    path = solve_ivp(
-        motion, (0, times[-1]), [first.real, -omega * first.imag], "DOP853", times, rtol=1e-8, atol=1e-12
-    ).y[0]
-    return abs(2 / 64 * path @ np.exp(-1j * omega * times))
+    times = period * (periods + np.arange(64) / 64)
+    start = [first.real, -omega * first.imag]
+    displacements = dop853(motion, start, times, rtol=1e-8, atol=1e-12, first_step=period / 64)[0]
+    return 2 / 64 * displacements @ np.exp(-1j * omega * times)
+
+
+def settled(frequency, force, first, mass=0.0, damper=0.0):
+    """Amplitude of the first harmonic after 200 periods from the state of one of complex amplitude ``first``."""
+    return abs(first_after(200, frequency, force, first, mass=mass, damper=damper))
 
 
 def firsts(response):
@@ -104,6 +113,17 @@ def test_states_beyond_a_jump_are_found_from_nothing(force, frequency):
         assert heights(found)[0] == pytest.approx(settled(frequency, force, first), rel=5e-3)
 
 
+@cache
+def three_states(frequency, force):
+    """The contact of one direction, and its three states: that of both sweeps and the one between them."""
+    alone = condense(oscillator(ELASTIC(1.0, K)), force, "1:+X", ["1:+X"], 2e-3)
+    low, high = alone.solve(frequency), alone.solve(135.0)
+    for step in np.arange(132.0, frequency - 0.5, -2.0):
+        high = alone.solve(step, high.amplitudes)
+    starts = [with_harmonics(point.amplitudes, high.count) for point in (low, high)]
+    return alone, low, alone.solve(frequency, starts[0] + 0.4 * (starts[1] - starts[0])), high
+
+
 @pytest.mark.parametrize("pressing", [None, np.array([[FC, FC]])], ids=["one direction", "normal forces over a period"])
 def test_the_state_between_both_sweeps_is_unstable(pressing):
     """At 4 N and 122 Hz: DOP853 leaves the middle one of three states, and stays on the two others.
@@ -111,12 +131,7 @@ def test_the_state_between_both_sweeps_is_unstable(pressing):
     From the middle one itself it needs hundreds of periods to leave; it is followed from a thousandth beside.
     """
     model, frequency, force = oscillator(ELASTIC(1.0, K)), 122.0, 4.0
-    alone = condense(model, force, "1:+X", ["1:+X"], 2e-3)
-    low, high = alone.solve(frequency), alone.solve(135.0)
-    for step in np.arange(134.0, frequency - 0.5, -1.0):
-        high = alone.solve(step, high.amplitudes)
-    starts = [with_harmonics(point.amplitudes, high.count) for point in (low, high)]
-    middle = alone.solve(frequency, starts[0] + 0.4 * (starts[1] - starts[0]))
+    alone, low, middle, high = three_states(frequency, force)
     condensed = condense(model, force, "1:+X", ["1:+X"], 2e-3, normal_forces=pressing)
     for point, stays in ((low, True), (middle, False), (high, True)):
         here = condensed.solve(frequency, point.amplitudes)
@@ -156,15 +171,7 @@ def swept_in_time(frequencies, force):
     """
     first, jumps, before = 0j, [], None
     for frequency in frequencies:
-        omega, period = 2 * np.pi * frequency, 1 / frequency
-
-        def motion(t, y, omega=omega):
-            rest = SPRING * y[0] + FC * np.tanh(K * y[0] / FC) + 2 * RATIO * STUCK * y[1]
-            return [y[1], force * np.cos(omega * t) - rest]
-
-        times = period * (120 + np.arange(64) / 64)
-        path = solve_ivp(motion, (0, times[-1]), [first.real, -omega * first.imag], "DOP853", times, rtol=1e-7).y[0]
-        first = 2 / 64 * path @ np.exp(-1j * omega * times)
+        first = first_after(120, frequency, force, first)
         if before is not None and not 2 / 3 < abs(first) / abs(before[1]) < 1.5:
             jumps.append((before[0], frequency))
         before = frequency, first

@@ -4,10 +4,11 @@ The truth is the second solver of ``tests.bench.friction_truth``, which knows no
 with DOP853 and with a closed form here. The bench ``tests.bench.stated_errors`` judges many more draws.
 """
 
+from math import copysign, cos, exp
+
 import numba as nb
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.dof import Dof
@@ -16,6 +17,7 @@ from ema.simulate.verification import limit_of
 from tests.bench import stated_errors
 from tests.bench.friction_draws import draw
 from tests.bench.friction_truth import BOUC_WEN, LUGRE, SPRINGS, Motion, Rubbing, released, steady, truth
+from tests.dop853 import dop853
 
 K, FC, STIFFNESS, LOAD = 4e5, 30.0, 3e5, 100.0
 
@@ -35,15 +37,15 @@ def test_the_truth_agrees_with_dop853(kind, numbers):
     def motion(t, y):
         x, v, f = y
         if kind == BOUC_WEN:
-            rate = K * v * (1 - abs(f / FC) ** numbers[0] * (numbers[1] + (1 - numbers[1]) * np.sign(f * v)))
+            rate = K * v * (1 - abs(f / FC) ** numbers[0] * (numbers[1] + (1 - numbers[1]) * copysign(1.0, f * v)))
             force = f
         else:
-            z = v - abs(v) * f / (FC * (1 + (numbers[2] - 1) * np.exp(-((v / numbers[3]) ** 2))))
+            z = v - abs(v) * f / (FC * (1 + (numbers[2] - 1) * exp(-((v / numbers[3]) ** 2))))
             rate, force = K * z, f + numbers[0] * z + numbers[1] * v
         return [v, LOAD - 5.0 * v - STIFFNESS * x - force, rate]
 
     times = np.linspace(0, 0.04, 81)
-    known = solve_ivp(motion, (0, 0.04), [0, 0, 0], "DOP853", times, rtol=1e-11, atol=1e-14, max_step=2e-5).y[0]
+    known = dop853(motion, [0.0, 0.0, 0.0], times, rtol=1e-11, atol=1e-14, max_step=2e-5)[0]
     start = np.zeros(1), np.zeros(1), np.zeros((1, 1))
     push = Motion(np.array([LOAD]), 80, 5e-4, np.ones(81))
     found, own = truth(oscillator(kind, numbers), push, start, np.eye(1), 1e-8, 8)
@@ -78,17 +80,17 @@ def test_the_truth_of_a_sliding_steady_state_agrees_with_dop853(kind, numbers):
     def motion(t, y):
         x, v, f = y
         if kind == LUGRE:
-            z = v - abs(v) * f / (FC * (1 + (numbers[2] - 1) * np.exp(-((v / numbers[3]) ** 2))))
+            z = v - abs(v) * f / (FC * (1 + (numbers[2] - 1) * exp(-((v / numbers[3]) ** 2))))
             rate, force = K * z, f + numbers[0] * z + numbers[1] * v
         elif kind == BOUC_WEN:
-            rate = K * v * (1 - abs(f / FC) ** numbers[0] * (numbers[1] + (1 - numbers[1]) * np.sign(f * v)))
+            rate = K * v * (1 - abs(f / FC) ** numbers[0] * (numbers[1] + (1 - numbers[1]) * copysign(1.0, f * v)))
             force = f
         else:
             rate, force = 0.0 if f * v > 0 and abs(f) >= FC else K * v, min(max(f, -FC), FC)
-        return [v, 80.0 * np.cos(omega * t) - 5.0 * v - STIFFNESS * x - force, rate]
+        return [v, 80.0 * cos(omega * t) - 5.0 * v - STIFFNESS * x - force, rate]
 
     times = settled + np.arange(64) * 2 * np.pi / omega / 64
-    known = solve_ivp(motion, (0, times[-1]), [0, 0, 0], "DOP853", times, rtol=1e-9, atol=1e-12, max_step=2e-5).y[0]
+    known = dop853(motion, [0.0, 0.0, 0.0], times, rtol=1e-9, atol=1e-12, max_step=2e-5)[0]
     first = 2 / 64 * known @ np.exp(-1j * omega * times)
     still = np.zeros(1), np.zeros(1), np.zeros((1, 1))
     found, own = steady(oscillator(kind, numbers), np.array([80.0]), omega, still, np.eye(1), 1e-4)
