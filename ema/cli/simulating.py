@@ -161,6 +161,9 @@ def frf(
     model: ModelPath,
     force: ForceLevels = None,
     normal_force: NormalForce = None,
+    stability: Annotated[
+        bool, typer.Option("--stability", help="Follow curves through their folds, and say which states are stable.")
+    ] = False,
     out: Out = None,
     json: Json = False,
     limit: Limit = "error",
@@ -174,7 +177,9 @@ def frf(
         out,
         json,
         limit,
-        lambda tables, held, bars: simulations.frf(_chosen("frf", tables.frf), held, force, normal_force, bars),
+        lambda tables, held, bars: simulations.frf(
+            _chosen("frf", tables.frf), held, force, normal_force, bars, stability=stability
+        ),
     )
 
 

@@ -194,6 +194,8 @@ def frf(
     force: Sequence[float] | None,
     normal: Sequence[float] | None,
     progress: Progress,
+    *,
+    stability: bool = False,
 ) -> Job:
     """Simulate steady states over the band at every force level and normal force.
 
@@ -209,6 +211,8 @@ def frf(
         Normal forces [N] of all joints; None for those of the model.
     progress : Progress
         Called while it is computed.
+    stability : bool, default False
+        Also follow the curves of steady states through their folds and say what is stable.
 
     Returns
     -------
@@ -246,12 +250,17 @@ def frf(
                     "solved": f"{int(run.converged.sum())} of {len(run.converged)}",
                 }
             )
-    return Job(
+    job = Job(
         {f"steady states {label}": run for label, run in runs.items()},
         {"steady_states": show.steady_states(list(runs.values()), list(runs))},
         rows,
         [one for run in runs.values() for one in run.findings],
     )
+    if not stability:
+        return job
+    from ema.cli.steady_state_curves import with_curves
+
+    return with_curves(job, table, _pressed(model, normal), force or table.force, progress)
 
 
 def damping_map(
