@@ -26,6 +26,14 @@ def blank(figure: Figure, png: bool) -> tuple[Image, Image | None]:
     return BLANK, BLANK if png else None
 
 
+UNDRAWN = """
+from ema.report import pictures
+pictures.drawn = lambda figure, png: (pictures.Image(bytes(20_000), "image/png"), None)
+"""
+"""Code before a command whose reports have pictures with a size that are not drawn: for tests that read words and numbers,
+of which drawing takes half of the time or more."""
+
+
 def described(figure: Figure, png: bool) -> tuple[Image, Image | None]:
     """The words and curves of a figure in place of its picture: another figure, other bytes, and nothing is rendered."""
     content = hashlib.sha256()
