@@ -68,6 +68,7 @@ def _stretches(curve: SteadyStateCurve) -> list[dict[str, Any]]:
         largest = curve.largest[part][np.isfinite(curve.largest[part])]
         rows.append(
             {
+                "ends": " to ".join(curve.ends),
                 "detached": curve.detached,
                 "from [Hz]": float(curve.frequencies[first]),
                 "to [Hz]": float(curve.frequencies[end - 1]),

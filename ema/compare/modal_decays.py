@@ -34,8 +34,9 @@ ROUNDS = 3
 STILL = 0.01
 """Share of the amplitude behind an impact that may still ring from the impact before it, for that impact to count as
 one on a structure at rest."""
-_SIZE = 2_000_000
-"""Numbers of a batch of windows that are solved at once."""
+_SIZE = 125_000
+"""Numbers of a batch of windows that are solved at once: 1 MB, which stays in the cache of a core. With sixteen times
+as many the windows of 160 impacts took an eighth longer; results are the same, bit for bit."""
 _REGULAR = 1e-9
 """Part of the mean diagonal of the normal matrix that is added to it: modes without amplitude stay finite."""
 _MOST = 3.0

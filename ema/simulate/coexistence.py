@@ -435,6 +435,9 @@ def frf_curves(
                 parts = [n for n, one in enumerate(curves) if "lost" in one.ends and _contains(condensed, curve, one)]
                 curves = [one for n, one in enumerate(curves) if n not in parts]
                 curves.insert(min(parts, default=len(curves)), replace(curve, detached=0 not in parts))
+    # where the first curve was lost, one that begins elsewhere may be the rest of it
+    lost = any("lost" in curve.ends for curve in curves[:1])
+    curves = [replace(one, detached=one.detached and not lost and "lost" not in one.ends) for one in curves]
     return tuple(_with_stability(condensed, curve, stability) for curve in curves)
 
 

@@ -11,14 +11,10 @@ from pathlib import Path
 import pytest
 
 from tests.journeys.small_campaign import COMMAND, RUN, campaign, ema_command, ema_process, records, with_signal
+from tests.unit.report_page import UNDRAWN
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="limits and signals of POSIX")
 NEVER_WRITABLE = Path("/proc/1/results")
-UNDRAWN = """
-from ema.report import pictures
-pictures.drawn = lambda figure, png: (pictures.Image(bytes(20_000), "image/png"), None)
-"""
-"""Reports whose pictures have a size and are not drawn, which takes half of the time of a command."""
 UNWRITTEN = "import sys\nsys.dont_write_bytecode = True\n"
 """No compiled modules from a process whose files may not grow: Python keeps what it could write of them, and the next
 process fails with them."""

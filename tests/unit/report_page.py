@@ -1,5 +1,6 @@
 """A report, read as a reader's browser does."""
 
+import hashlib
 import pickle
 from base64 import b64decode
 from dataclasses import dataclass, field
@@ -7,6 +8,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 from ema.report.pictures import Image
 
@@ -21,6 +24,25 @@ def blank(figure: Figure, png: bool) -> tuple[Image, Image | None]:
     """A picture of one point in place of a figure, which has to be one that can be sent to another process."""
     pickle.dumps(figure)
     return BLANK, BLANK if png else None
+
+
+UNDRAWN = """
+from ema.report import pictures
+pictures.drawn = lambda figure, png: (pictures.Image(bytes(20_000), "image/png"), None)
+"""
+"""Code before a command whose reports have pictures with a size that are not drawn: for tests that read words and numbers,
+of which drawing takes half of the time or more."""
+
+
+def described(figure: Figure, png: bool) -> tuple[Image, Image | None]:
+    """The words and curves of a figure in place of its picture: another figure, other bytes, and nothing is rendered."""
+    content = hashlib.sha256()
+    for words in figure.findobj(Text):
+        content.update(words.get_text().encode())
+    for curve in figure.findobj(Line2D):
+        content.update(curve.get_xydata().tobytes())
+    image = Image(content.digest(), "image/png")
+    return image, image if png else None
 
 
 @dataclass

@@ -14,12 +14,8 @@ from ema import store
 from ema.cli import doctor, main
 from ema.cli.ending import ends_well
 from ema.errors import CancelledError, FailureError, InputError
+from tests.unit.report_page import UNDRAWN
 
-UNDRAWN = """
-from ema.report import pictures
-pictures.drawn = lambda figure, png: (pictures.Image(b"", "image/png"), None)
-"""
-"""Reports without pictures, for tests that read words: drawing takes most of the time of the small study."""
 UNFITTED = "from ema.cli import checking\nchecking.QUICK = 0\n"
 """Checks without the fit by which they look for late channels, for tests of what else they say."""
 

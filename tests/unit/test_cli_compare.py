@@ -53,9 +53,10 @@ def modes(frequencies):
     return ModalModel(poles_from(np.array(frequencies), np.array([0.01, 0.01])), shapes, dofs, shapes[:1], dofs[:1])
 
 
-@pytest.fixture
-def model(tmp_path):
-    path = tmp_path / "model.toml"
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """The model file, to be read."""
+    path = tmp_path_factory.mktemp("model") / "model.toml"
     path.write_text(MODEL)
     return path
 
@@ -67,10 +68,11 @@ def simulated(model, levels, forces):
     return damping_map(truth, levels, forces, "beam 2:2:+Z", "beam 1:2:+Z", (14.0, 60.0))
 
 
-@pytest.fixture
-def measured(model, tmp_path):
+@pytest.fixture(scope="module")
+def measured(model):
+    """The file of a map, to be read."""
     chart = simulated(model, [0.5, 2.0], [30.0, 120.0, 240.0])
-    path = tmp_path / "map.h5"
+    path = model.with_name("map.h5")
     store.save(path, replace(chart, damping_std=0.01 * chart.damping, frequency_std=1e-4 * chart.frequency))
     return path
 

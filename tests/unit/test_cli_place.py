@@ -68,6 +68,7 @@ def test_the_report_says_the_answer_and_carries_the_tables(done):
     assert len(table) == 4 and table[0].startswith("Rank,x [m]")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_finished_places_are_kept_and_taken_up_again(done, monkeypatch):
     folder, recipe, first = done
 
@@ -82,6 +83,7 @@ def test_finished_places_are_kept_and_taken_up_again(done, monkeypatch):
     assert anew.exit_code == 3 and "computed again" in anew.stderr
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_damaged_kept_place_is_computed_again(done):
     folder, recipe, first = done
     kept = sorted((folder / "out" / "checked").glob("*.npy"))
@@ -90,6 +92,7 @@ def test_a_damaged_kept_place_is_computed_again(done):
     assert json.loads(again.stdout)["places"] == json.loads(first.stdout)["places"]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("law", ["modified iwan", "rough contact", "valanis", "bouc wen"])
 def test_every_law_that_depends_on_displacements_alone_is_placed(tmp_path, law):
     recipe = write_recipe(tmp_path, RECIPE.replace('name = "masing"', f'name = "{law}"', 1))
@@ -141,6 +144,7 @@ def test_a_cluster_that_is_not_there_is_told(tmp_path, monkeypatch):
     assert result.exit_code == 2 and "no cluster answers" in result.stderr
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_model_file_with_a_map_is_a_question_already(tmp_path):
     result = run(
         str(DATASETS / "table_with_beam"), "--output", str(tmp_path), "--json", "--recipe", str(_short_recipe(tmp_path))

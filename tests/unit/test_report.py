@@ -44,7 +44,7 @@ from ema.report.blocks import Book
 from ema.report.comparison import comparisons
 from ema.report.modes import equivalent_table, run_sentence
 from tests.unit.report_corpus import EXPECTATIONS, JOINTS, REPAIRS, plate, run_result, set_up_shifts, study
-from tests.unit.report_page import Page
+from tests.unit.report_page import Page, described
 
 
 @pytest.fixture(scope="module")
@@ -486,40 +486,59 @@ class _Deferred(Executor):
         return Late()
 
 
-def test_figures_drawn_by_other_processes_are_the_same(two_runs: StudyResult, page: Page, tmp_path: Path):
+def test_figures_drawn_by_other_processes_are_the_same(
+    two_runs: StudyResult, page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """And all of them are: none that cannot be sent is made here without a word."""
     german = ema.report.write(two_runs, tmp_path / "de.html", language="de").read_bytes()
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=pool)
-        spoken = ema.report.write(two_runs, tmp_path / "de.html", language="de", executor=pool).read_bytes()
-    assert path.read_bytes() == page.path.read_bytes()
-    assert spoken == german != path.read_bytes()
-
-
-def test_an_executor_makes_every_figure(two_runs: StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Nothing that cannot be sent is made here without a word."""
     made: list[object] = []
     monkeypatch.setattr(pictures, "drawn", lambda figure, png: made.append(figure) or _NOTHING)
     ema.report.write(two_runs, tmp_path / "here.html")
     here, made[:] = len(made), []
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        ema.report.write(two_runs, tmp_path / "there.html", executor=pool)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=pool)
+        spoken = ema.report.write(two_runs, tmp_path / "de.html", language="de", executor=pool).read_bytes()
     assert here > 10 and not made
+    assert path.read_bytes() == page.path.read_bytes()
+    assert spoken == german != path.read_bytes()
 
 
 _NOTHING = pictures.Image(b"", "image/png"), None
 """A figure drawn as nothing."""
 
 
-def test_a_report_holds_few_figures_at_once_and_survives_their_workers(two_runs: StudyResult, page: Page, tmp_path):
+@pytest.fixture(scope="module")
+def described_page(two_runs: StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    """The report with what its figures say in place of them, made here one after the other."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "drawn", described)
+        return Page(ema.report.write(two_runs, tmp_path_factory.mktemp("described") / "Tisch & Balken.html"))
+
+
+@pytest.fixture
+def figures_described(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a figure says in place of its picture, for tests of which figure is drawn where."""
+    monkeypatch.setattr(pictures, "drawn", described)
+
+
+@pytest.mark.usefixtures("figures_described")
+def test_a_report_holds_few_figures_at_once_and_survives_their_workers(
+    two_runs: StudyResult, page: Page, described_page: Page, tmp_path: Path
+):
+    drawn, told = ({image["src"] for image in one.images} for one in (page, described_page))
+    assert len(told) == len(drawn) >= 20, "a figure in the place of another shows as it does where all are drawn"
     for die in (False, True):
         path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=(executor := _Deferred(die)))
-        assert path.read_bytes() == page.path.read_bytes()
+        assert path.read_bytes() == described_page.path.read_bytes()
         assert (executor.waiting, executor.most) == (0, 9)
 
 
-def test_a_report_is_drawn_here_where_the_processes_have_died(two_runs: StudyResult, page: Page, tmp_path: Path):
+@pytest.mark.usefixtures("figures_described")
+def test_a_report_is_drawn_here_where_the_processes_have_died(
+    two_runs: StudyResult, described_page: Page, tmp_path: Path
+):
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         with pytest.raises(BrokenProcessPool):
             pool.submit(os._exit, 1).result()
         path = ema.report.write(two_runs, tmp_path / "Tisch & Balken.html", executor=pool)
-    assert path.read_bytes() == page.path.read_bytes()
+    assert path.read_bytes() == described_page.path.read_bytes()

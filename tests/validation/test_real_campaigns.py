@@ -28,7 +28,7 @@ def free_free_beam(places: np.ndarray, modes: int) -> np.ndarray:
 
 def test_free_free_beam(root, datasets, tmp_path):
     """02: four modes from 50 to 1000 Hz and no other; shapes with 2, 3, 4 and 5 nodes; the drive point is reversed."""
-    result = run_recipe(root / "reports" / "freefree_beam.toml", tmp_path, datasets)
+    result = run_recipe(root / "reports" / "freefree_beam.toml", tmp_path, datasets, drawn=False)
     assert missed(result) == []
     modes = result.runs[0].modes
     rows = {dof.node: (row, dof.sign) for row, dof in enumerate(modes.dofs)}
@@ -56,7 +56,7 @@ def test_free_free_beam(root, datasets, tmp_path):
 
 def test_hammer_blows(root, datasets, tmp_path):
     """03: eight modes with a close pair from five raw blows; the missing unit is reported."""
-    assert missed(run_recipe(root / "reports" / "hammer_blows.toml", tmp_path, datasets)) == []
+    assert missed(run_recipe(root / "reports" / "hammer_blows.toml", tmp_path, datasets, drawn=False)) == []
 
 
 def test_steel_subframe(root, datasets, tmp_path):
@@ -66,7 +66,7 @@ def test_steel_subframe(root, datasets, tmp_path):
 
 def test_sdof(root, datasets, tmp_path):
     """08: published natural frequencies, one of them from FRFs of poor coherence, which is a finding."""
-    assert missed(run_recipe(root / "reports" / "sdof.toml", tmp_path, datasets)) == []
+    assert missed(run_recipe(root / "reports" / "sdof.toml", tmp_path, datasets, drawn=False)) == []
 
 
 @pytest.mark.parametrize("name", ["freefree_beam", "hammer_blows", "steel_subframe", "sdof"])

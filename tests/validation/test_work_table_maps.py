@@ -34,13 +34,13 @@ SETTINGS = {
 
 @pytest.fixture(scope="module")
 def mapped(root, demonstration, tmp_path_factory):
-    """Campaign, settings and result of a recipe by its name, run once."""
+    """Campaign, settings and result of a recipe by its name, run once; of three reports with maps one is drawn."""
 
     @cache
     def run(name):
         path = root / "reports" / f"work_table_{name}.toml"
         demonstration(f"work_table_{name}")
-        result = run_recipe(path, tmp_path_factory.mktemp(name))
+        result = run_recipe(path, tmp_path_factory.mktemp(name), drawn=name == "absorber")
         study = Study.load(path)
         return study.open(), study.recipe, result
 
