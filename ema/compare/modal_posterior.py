@@ -5,12 +5,12 @@ In relative terms (over the measured loss eta) the data of one channel are
     y_i / eta_i = (H_i b) / eta_i + delta(t_i) + noise,        t = ln(a / a_1)
 
 H b is the law (``modal_laws``; linear in b = (lambda_0, eta_0, kappa_1, ..., c)) with a spring that hardens or softens
-with the cube of the motion beside it (c a^2 in lambda alone: Krack and Gross 2019, Sec. 2.4), delta a Gaussian process that is 0 at
-the lowest level and whose variance grows with the distance in log amplitude: a Wiener process, plus its integral for
-what keeps a direction (Kennedy and O'Hagan 2001; Brynjarsdottir and O'Hagan 2014). b is integrated out exactly; a_s,
-the shapes and the scales of delta are quasi-random draws from their priors with importance weights. Levels are ordered,
-so one Cholesky factor serves every number of lowest levels: leaving the highest out costs nothing more (Buerkner, Gabry
-and Vehtari 2020).
+with the cube of the motion beside it (c a^2 in lambda alone: Krack and Gross 2019, Sec. 2.4), delta a Gaussian process
+that is 0 at the lowest level and whose variance grows with the distance in log amplitude: a Wiener process, plus its
+integral for what keeps a direction (Kennedy and O'Hagan 2001; Brynjarsdottir and O'Hagan 2014). b is integrated out
+exactly; a_s, the shapes, the scales of delta and whether there is a cubic spring are quasi-random draws from their
+priors with importance weights. Levels are ordered, so one Cholesky factor serves every number of lowest levels: leaving
+the highest out costs nothing more (Buerkner, Gabry and Vehtari 2020).
 """
 
 from dataclasses import dataclass
@@ -36,9 +36,10 @@ _LINEAR = (20.0, 1.0, 2.0)
 two), and up to ``_REACH`` times the highest amplitude."""
 _REACH = 2.0
 _CUBIC, _WITH_CUBIC = 0.5, 0.5
-"""Prior standard deviation of what a conservative nonlinearity adds to lambda at the highest level, over the loss there,
-and the probability that there is one: contact that closes or opens with the motion, or a structure that stretches,
-which no friction law describes."""
+"""Prior standard deviation of what a conservative nonlinearity adds to lambda at the highest level, over the loss
+there, and the probability that there is one: contact that closes or opens with the motion, or a structure that
+stretches, which no friction law describes. With 1.0 in place of 0.5, bands of the frequency at twice the highest level
+hold 93 % of the 60 joints that the discrepancy was set with; without the spring, 87 to 100 % of those with a gap."""
 _NONE = 1e-6
 """The same standard deviation where there is none: far below what any frequency shows."""
 _NUGGET = 1e-8

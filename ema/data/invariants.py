@@ -104,12 +104,13 @@ def interval(*names: str) -> tuple[Invariant, ...]:
     return tuple(Invariant(pair, _interval) for pair in pairs)
 
 
-def equally_many(first: str, second: str, axis: int = 0) -> Invariant:
-    """As many items of a sequence as an array has along an axis."""
+def equally_many(first: str, second: str, axis: int = 0, *, heading: bool = False) -> Invariant:
+    """As many items of a sequence as an array has along an axis; as a ``heading`` of what is written in blocks also
+    with an array that has none yet."""
 
     def broken(one: Any, other: Any) -> Broken | None:
         wanted = other.shape[axis] if hasattr(other, "shape") else len(other)
-        if len(one) == wanted:
+        if len(one) == wanted or (heading and wanted == 0):
             return None
         return (f"{first} and {second} differ in number", str(len(one)), f"{wanted}, as {second} has")
 
@@ -212,7 +213,7 @@ INVARIANTS: dict[str, tuple[Invariant, ...]] = {
         *each(increasing, "frequencies"),
         *each(not_negative, "frequencies", "averages", "added_decay"),
         *each(positive, "record_length"),  # coherence and variance come from other programs; a fit judges them
-        equally_many("outputs", "values", 1),
+        equally_many("outputs", "values", 1, heading=True),
         equally_many("inputs", "values", 2),
     ),
     "Geometry": (*each(_distinct, "nodes"), *each(finite, "xyz", "axes")),
@@ -260,7 +261,7 @@ INVARIANTS: dict[str, tuple[Invariant, ...]] = {
     "Recording": (
         *each(finite, "sampling_rate"),
         *each(positive, "sampling_rate"),
-        equally_many("channels", "signals"),
+        equally_many("channels", "signals", heading=True),
     ),
     "RepeatGroup": (equally_many("runs", "places"), equally_many("assemblies", "places")),
     "Response": (*each(increasing, "times"), *each(share, "slip_time"), equally_many("dofs", "displacements")),

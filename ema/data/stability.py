@@ -215,7 +215,8 @@ class SteadyStateCurve(Container):
         Where the curve begins and ends: ``edge`` of the band, ``closed`` where it returned to its first point, ``lost``
         where it could not be followed any farther.
     detached : bool, default False
-        Whether it began at a state of a search that lay on no curve known by then.
+        Whether it began at a state of a search that lay on no curve known by then, and neither it nor the first curve
+        was lost on the way: they may be parts of one.
     name : str, optional
         What the model is called in messages.
 

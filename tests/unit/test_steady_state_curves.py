@@ -1,12 +1,14 @@
 """Curves of steady states as a table, a picture and a container show them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import acquisition
 from acquisition.model_file import FrfTable
-from ema import show
+from ema import show, simulate
 from ema.cli.simulation_job import Job
 from ema.cli.steady_state_curves import with_curves
 from ema.data import Damping
@@ -55,3 +57,12 @@ def test_a_job_has_a_row_for_every_stretch_and_says_what_it_cannot(job):
     assert row["stability"] == "stable" and row["loss"] == "" and 0.9 < row["largest multiplier"] < 1
     assert row["curve"] == 1 and not row["detached"]
     assert "there may be others" in job.statement and "stability" in job.pictures
+
+
+def test_parts_of_a_curve_that_was_lost_are_not_called_detached() -> None:
+    """Masing springs under a constant normal force and damping: disturbances never grow, so there is one curve."""
+    beams = acquisition.open_model(Path(__file__).parents[2] / "datasets" / "double_beam").with_normal_force(200.0)
+    tip = "beam 2:20:+Z"
+    curves = simulate.frf_curves(beams, (10.0, 40.0), 1.0, tip, [tip], searched=1, starts=2, stability=False)
+    assert len(curves) > 1 and any("lost" in curve.ends for curve in curves)  # else this asks nothing
+    assert not any(curve.detached for curve in curves)
