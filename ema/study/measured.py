@@ -15,7 +15,7 @@ from ema.progress import Progress, silent
 from ema.study.recipe import EstimateTable
 
 _OPTIONS = {
-    "hammer": ("estimator", "block", "trigger", "level", "decay", "window_force", "keep", "reject"),
+    "hammer": ("estimator", "block", "trigger", "level", "decay", "window_force", "less_noise", "keep", "reject"),
     "random": ("estimator", "method", "block", "overlap"),
     "sweep": ("estimator", "block"),
     "stepped sine": ("discard",),

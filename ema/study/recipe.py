@@ -51,6 +51,7 @@ class EstimateTable(Table):
     level: Annotated[tuple[float, float], AfterValidator(_rising)] | None = None
     decay: float | None = Field(default=None, ge=0)
     window_force: bool = True
+    less_noise: bool = True
     keep: list[str] = []
     reject: list[str] = []
     method: Literal["local", "welch"] = "local"
