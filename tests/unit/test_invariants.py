@@ -108,7 +108,6 @@ COUNTS = [
     ("ModalModel", "dofs"),
     ("PoleTable", "references"),
     ("PoleTable", "letter"),
-    ("Recording", "channels"),
     ("Response", "dofs"),
     ("HarmonicResponse", "dofs"),
     ("NonlinearMode", "dofs"),
