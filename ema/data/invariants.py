@@ -217,7 +217,11 @@ INVARIANTS: dict[str, tuple[Invariant, ...]] = {
         equally_many("inputs", "values", 2),
     ),
     "Geometry": (*each(_distinct, "nodes"), *each(finite, "xyz", "axes")),
-    "HarmonicResponse": (equally_many("dofs", "values", 1), *each(positive, "frequencies", "orders")),
+    "HarmonicResponse": (
+        equally_many("dofs", "values", 1),
+        *each(positive, "frequencies"),
+        *each(not_negative, "orders"),  # the mean is of order 0
+    ),
     "Hit": each(positive, "sampling_rate"),
     "HitGallery": (*each(increasing, "frequencies"), *each(band, "usable_band")),
     "JointForce": each(not_negative, "run_in"),
@@ -231,7 +235,6 @@ INVARIANTS: dict[str, tuple[Invariant, ...]] = {
     ),
     "Matrices": (equally_many("dofs", "mass"), *each(finite, "mass", "stiffness")),
     "ModalMap": (
-        *each(finite, "force_levels", "normal_forces"),
         *each(not_negative, "force_levels"),
     ),
     "ModalModel": (*each(finite, "poles"), *each(share, "confidence"), *each(_variances, "covariance")),
