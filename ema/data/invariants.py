@@ -234,9 +234,7 @@ INVARIANTS: dict[str, tuple[Invariant, ...]] = {
         *each(not_negative, "force_levels"),
     ),
     "Matrices": (equally_many("dofs", "mass"), *each(finite, "mass", "stiffness")),
-    "ModalMap": (
-        *each(not_negative, "force_levels"),
-    ),
+    "ModalMap": (*each(not_negative, "force_levels"),),
     "ModalModel": (*each(finite, "poles"), *each(share, "confidence"), *each(_variances, "covariance")),
     "ModalUncertainty": (*each(_variances, "values"), *each(not_negative, "modal_mass")),
     "ModeComparison": (
