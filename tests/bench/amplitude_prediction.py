@@ -24,8 +24,8 @@ FIRST_SEED = 6000
 _Z = 1.959964
 
 
-def measured(joint: SyntheticJoint) -> AmplitudeDependentMode:
-    """The levels of a joint as a measurement gives them."""
+def measured(joint: SyntheticJoint, quantity: str = "acceleration") -> AmplitudeDependentMode:
+    """The levels of a joint as a measurement gives them, as amplitudes of ``quantity``."""
 
     def band(value: np.ndarray, std: np.ndarray) -> Band:
         return Band(value - _Z * std, value, value + _Z * std, 0.95, "noise")
@@ -35,6 +35,7 @@ def measured(joint: SyntheticJoint) -> AmplitudeDependentMode:
         frequency=band(joint.frequency, joint.frequency_std),
         damping=band(joint.damping, joint.damping_std),
         control="response",
+        quantity=quantity,
         name=joint.family,
     )
 
