@@ -101,7 +101,7 @@ def test_values_that_were_never_written_are_not_made_up(
         "chunks": (chunks, "3 of 4 chunks"),
         "growing": (growing, "2 of 4 chunks"),
         "gap": (lambda f: inside(f, 120), "not all there"),
-        "nowhere": (lambda f: inside(f, 200, "y"), "not followed"),
+        "nowhere": (lambda f: inside(f, 200, "y"), "no such data"),  # there is no y
         "itself": (lambda f: inside(f, 200, "data"), "made of itself"),
         "short": (short, "not all there"),
     }
@@ -203,7 +203,7 @@ def test_a_store_that_announces_more_than_it_holds_is_refused(tmp_path: Path) ->
         del file["items/0/document"]
         tree["channels"] = {"$items": "channels", "count": 10**15}
         file["items/0"].create_dataset("document", data=np.array([json.dumps(tree).encode()]))
-    with pytest.raises(InputError, match=r"another number of items|not followed"):
+    with pytest.raises(InputError, match=r"another number of items|no such data"):
         store.load(path)
     store.save(path, record)
     with h5py.File(path, "r+") as file:
