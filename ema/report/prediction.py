@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from ema.data import (
@@ -110,7 +111,7 @@ def _from_levels(results: Mapping[str, Any]) -> Selected:
         if isinstance(one, _OF_LEVELS):
             of_mode.setdefault(one.name, {})[name] = one
     return [
-        (name, set(those), lambda book, those=those: level_parts(FromLevels.of(list(those.values())), book))
+        (name, set(those), partial(level_parts, FromLevels.of(list(those.values()))))
         for name, those in of_mode.items()
         if any(isinstance(one, _OF_LEVELS[:-1]) for one in those.values())
     ]
@@ -128,7 +129,7 @@ def _from_maps(results: Mapping[str, Any]) -> Selected:
         update = next(iter(updates), None) if len(predicted) == len(updates) == 1 else None
         used = {key for key in (name, chart, update) if key is not None}
         source = FromMap(one, None if chart is None else charts[chart], None if update is None else updates[update])
-        selected.append((one.name, used, lambda book, source=source: map_parts(source, book)))
+        selected.append((one.name, used, partial(map_parts, source)))
     return selected
 
 
@@ -141,4 +142,4 @@ def _from_placements(results: Mapping[str, Any]) -> Selected:
     modes = None if bare is None else results[bare]
     used = {*forecasts, *(() if bare is None else (bare,))}
     beams = ", ".join(dict.fromkeys(one.beam or text("beam") for one in forecasts.values()))
-    return [(beams, used, lambda book: location_parts(list(forecasts.values()), modes, book))]
+    return [(beams, used, partial(location_parts, list(forecasts.values()), modes))]

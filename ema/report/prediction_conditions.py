@@ -13,7 +13,7 @@ from ema.messages.recognition import recognised
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import budget_blocks
 from ema.report.numbers import plain
-from ema.report.prediction_tables import FORECAST_COLUMNS, conditions, forecast_rows, without_beam
+from ema.report.prediction_tables import FORECAST_COLUMNS, Bounds, conditions, forecast_rows, without_beam
 from ema.report.prediction_words import against, banded, first_ones, stated
 
 _CONTAINS = (mark("noise of the map, parameters, form of the law, frequency of the host"),)
@@ -132,10 +132,7 @@ def _map_conditions(of: FromMap, book: Book) -> tuple[list[str], list[Block]]:
     rows: list[list[Cell]] = []
     for at in np.ndindex(one.damping.shape):
         drive, normal = float(one.force_levels[at[0]]), float(one.normal_forces[at[1]])
-        f, z = (
-            [float(getattr(one, f"{what}{end}")[at]) for end in ("_low", "", "_high")]
-            for what in ("frequency", "damping")
-        )
+        f, z = (_bounds(one, what, at) for what in ("frequency", "damping"))
         cells: list[Cell] = [stated(drive), stated(normal)]
         where = []
         if axes is not None:
@@ -162,7 +159,13 @@ def _map_conditions(of: FromMap, book: Book) -> tuple[list[str], list[Block]]:
     return lines, [figure, book.table("predicted", caption, [*columns, *si], rows, len(columns))]
 
 
-def _values(f: Sequence[float], z: Sequence[float], *, known: bool) -> list[Cell]:
+def _bounds(one: MapPrediction, what: str, at: tuple[int, ...]) -> Bounds:
+    """Low, value and high at a condition."""
+    low, value, high = (float(getattr(one, f"{what}{end}")[at]) for end in ("_low", "", "_high"))
+    return low, value, high
+
+
+def _values(f: Bounds, z: Bounds, *, known: bool) -> list[Cell]:
     """Frequency and damping with their bands, or that there is no resonance."""
     return [*banded(*f), *banded(*z, 100)] if known else ["", text("no resonance"), "", text("no resonance")]
 
@@ -195,7 +198,7 @@ def location_parts(
     for name, forecast in zip(names, forecasts, strict=True):
         for row, mode in enumerate(forecast.modes):
             without = without_beam(forecast, bare, row)
-            before = [*banded(*without[0]), *banded(*without[1], 100)]
+            before: list[Cell] = [*banded(*without[0]), *banded(*without[1], 100)]
             for drive, normal, f, z in conditions(forecast, row):
                 cells: list[Cell] = [name, str(mode), stated(drive), stated(normal)]
                 known = bool(np.isfinite(f[1]))

@@ -323,9 +323,16 @@ def _resonances(of: FromLevels, book: Book) -> tuple[list[str], Table]:
     lines: list[str] = []
     rows: list[tuple[Cell, ...]] = []
     for one in of.resonances:
-        bands = [_points(each) for each in (one.amplitude, one.frequency, one.damping)]
-        for force, several, a, f, z in zip(one.force.tolist(), one.several.tolist(), *bands, strict=True):
-            cells = (stated(force), *banded(*a), of.against(a[1]), *banded(*f), *banded(*z, 100))
+        amplitudes, frequencies, damping = (_points(each) for each in (one.amplitude, one.frequency, one.damping))
+        shares = one.several.tolist()
+        for force, several, a, f, z in zip(one.force.tolist(), shares, amplitudes, frequencies, damping, strict=True):
+            cells: tuple[Cell, ...] = (
+                stated(force),
+                *banded(*a),
+                of.against(a[1]),
+                *banded(*f),
+                *banded(*z, 100),
+            )
             names = ("force", "amplitude", "a_band", "where", "f", "f_band", "zeta", "zeta_band")
             lines.append(
                 text(
@@ -335,7 +342,7 @@ def _resonances(of: FromLevels, book: Book) -> tuple[list[str], Table]:
                     unit=of.unit,
                 )
             )
-            share = Value(several, f"{100 * several:.0f}")
+            share = Value(100 * several, f"{100 * several:.0f}")
             rows.append((*cells, share, *(plain(x, 6) for x in (force, *a, *f, *z))))
     columns = (
         text("Force [N]"),
@@ -369,7 +376,7 @@ def _peaks(of: FromLevels, book: Book) -> tuple[list[str], Table]:
             top = int(np.argmax(known))
             peak = banded(float(sweep.low[top]), float(sweep.value[top]), float(sweep.high[top]))
             cells += [*peak, plain(float(one.frequencies[top]), 5)]
-        rows.append((*cells, Value(one.folded, f"{100 * one.folded:.0f}")))
+        rows.append((*cells, Value(100 * one.folded, f"{100 * one.folded:.0f}")))
         lines.append(
             text(
                 "Under {force} N, swept up: largest response {amplitude} {unit} ({band}) at {f} Hz.",
@@ -425,7 +432,8 @@ def _law_sentences(of: FromLevels) -> list[str]:
 
 
 def _share(weight: float) -> Value:
-    return Value(weight, f"{100 * weight:.0f}")
+    """A weight in percent."""
+    return Value(100 * weight, f"{100 * weight:.0f}")
 
 
 def _laws(of: FromLevels, book: Book) -> list[Block]:
@@ -499,7 +507,8 @@ def _confirmed(of: FromLevels) -> list[str]:
 
 def _contained(of: FromLevels) -> list[Block]:
     """What is in the bands, what is not, and what confirms them."""
-    bands = [one.damping for one in (*of.at, *of.resonances)] + [one.up for one in of.responses]
+    bands: list[Band] = [one.damping for one in of.at]
+    bands += [one.damping for one in of.resonances] + [one.up for one in of.responses]
     contains = next((band.contains for band in bands if band.contains), "") or (of.draws.contains if of.draws else "")
     lines = [text("The bands contain: {contains}.", contains=word(contains))] if contains else []
     lines.append(
