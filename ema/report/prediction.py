@@ -23,7 +23,8 @@ from ema.data import (
 from ema.messages import text
 from ema.report.blocks import Book, Section
 from ema.report.prediction_conditions import FromMap, location_parts, map_parts
-from ema.report.prediction_levels import FromLevels, level_parts
+from ema.report.prediction_levels import level_parts
+from ema.report.prediction_source import FromLevels
 from ema.report.records import provenance_blocks
 
 _OF_LEVELS = (
@@ -76,14 +77,16 @@ def predictions(results: Mapping[str, Any], book: Book) -> Parts:
     sections: list[Section] = []
     sources: dict[str, Provenance] = {}
     names: list[str] = []
-    for select in (_from_levels, _from_maps, _from_placements):
-        for name, used, made in select(results):
-            sentences, blocks, provenance = made(book)
-            names.append(name)
-            summary += sentences
-            sections += blocks
-            sources |= {name: provenance}
-            taken |= used
+    selected = [one for select in (_from_levels, _from_maps, _from_placements) for one in select(results)]
+    for number, (name, used, made) in enumerate(selected, 1):
+        sentences, parts, provenance = made(book)
+        names.append(name)
+        summary += sentences
+        if len(selected) > 1:
+            parts = [Section(f"{one.title}: {name}", f"{one.anchor}-{number}", one.blocks) for one in parts]
+        sections += parts
+        sources |= {name: provenance}
+        taken |= used
     if not taken:
         return Parts(others=results)
     listed = list(dict.fromkeys(name for name in names if name))

@@ -161,12 +161,14 @@ def test_each_part_alone_has_a_report(tmp_path: Path, name: str) -> None:
 
 def test_modes_of_two_names_are_reported_one_after_the_other(tmp_path: Path) -> None:
     at = CASES["predicted levels"]["prediction"]
-    lines = front(page({"a": at, "b": replace(at, name="mode 2")}, tmp_path))
-    assert (
-        sum("Prediction of mode 1" in line for line in lines)
-        == sum("Prediction of mode 2" in line for line in lines)
-        == 1
-    )
+    shown = page({"a": at, "b": replace(at, name="mode 2")}, tmp_path)
+    assert [line.split(" from")[0] for line in front(shown) if line.startswith("Prediction of")] == [
+        "Prediction of mode 1",
+        "Prediction of mode 2",
+    ]
+    anchors = re.findall(r' id="([^"]+)"', shown.source)
+    assert len(set(anchors)) == len(anchors)
+    assert "What the bands contain: mode 2" in shown.source
 
 
 def test_another_prediction_rests_on_the_levels_that_were_fitted(tmp_path: Path) -> None:
