@@ -267,7 +267,7 @@ def report(
     result: Annotated[
         Path,
         typer.Argument(
-            help="What `ema run`, `place`, `compare`, `map` or `simulate` stored (.h5).", show_default=False
+            help="What `ema run`, `place`, `compare`, `map`, `predict` or `simulate` stored (.h5).", show_default=False
         ),
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
@@ -277,7 +277,7 @@ def report(
     ] = "",
     json: Json = False,
 ) -> int:
-    """Write the report of a stored result: a study, a placement, a comparison, a map, a simulation."""
+    """Write the report of a stored result: a study, a placement, a comparison, a map, a prediction, a simulation."""
     from ema import store
     from ema.cli import screen
     from ema.report import write

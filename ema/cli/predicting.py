@@ -104,7 +104,7 @@ def _of_map(wanted: Wanted, model: Path, force: list[str], normal_force: list[st
     predicted = predict_map(update, chart, levels, forces, at=table.at, output=table.output or table.at, band=band)
     stem = safe_name(chart.name or "map")
     pictures = {f"{stem}_prediction": show.map_prediction(predicted, chart)}
-    written = wanted.written(stem, {"prediction": predicted}, pictures)
+    written = wanted.written(stem, {"prediction": predicted, "map": chart, "update": update}, pictures)
     if wanted.json:
         screen.as_json(map_prediction(predicted) | {"written": [str(path) for path in written]})
         return status(list(predicted.findings), wanted.limit)

@@ -149,9 +149,11 @@ def _written(
     from ema import show
     from ema.compare import force_surface
     from ema.file_names import safe_name
-    from ema.study.plain_forced import COLUMNS, table
+    from ema.report.prediction_tables import RESPONSE_COLUMNS, response_rows
 
     contents: dict[str, Any] = {"mode": source.fitted, "draws": draws, "prediction": at}
+    if source.up_to:
+        contents["measured"] = source.mode
     figures = {}
     stem = safe_name(source.name)
     if at is not None:
@@ -165,7 +167,7 @@ def _written(
     written = wanted.written(stem, {name: one for name, one in contents.items() if one is not None}, figures)
     for response in () if under is None else under.responses:
         written.append(wanted.folder / f"{stem}_response_{response.force[0]:.4g}_N.csv")
-        write_csv(written[-1], COLUMNS, table(response))
+        write_csv(written[-1], RESPONSE_COLUMNS, response_rows(response))
     return written
 
 
@@ -215,7 +217,9 @@ def _kept(path: Path) -> "tuple[AmplitudeDependentMode | None, AmplitudeDraws] |
     items = containers(path)
     draws = [item for item in items if isinstance(item, AmplitudeDraws)]
     modes = [item for item in items if isinstance(item, AmplitudeDependentMode)]
-    return (modes[0] if modes else None, draws[0]) if draws else None
+    # beside the levels that were fitted there may be all of them
+    fitted = min(modes, key=lambda mode: len(mode.amplitude), default=None)
+    return (fitted, draws[0]) if draws else None
 
 
 def _force(text: str) -> float:

@@ -109,12 +109,12 @@ def _written(wanted: "Wanted", forecasts: "Sequence[Forecast]", bare: "ModalMode
     """The files: modes without the beam and forecasts in one, a picture of each forecast, and a table of all."""
     from ema import show
     from ema.file_names import safe_name
-    from ema.study.plain_forecast import COLUMNS, table
+    from ema.report.prediction_tables import FORECAST_COLUMNS, forecast_rows
 
     stem = safe_name(wanted.measured.resolve().stem)
     contents = {"bare": bare} | {f"forecast_{n}": one for n, one in enumerate(forecasts, 1)}
     pictures = {f"{stem}_forecast_{n}": show.forecast_bands(one) for n, one in enumerate(forecasts, 1)}
     written = wanted.written(stem, contents, pictures)
     written.append(wanted.folder / f"{stem}_prediction.csv")
-    write_csv(written[-1], COLUMNS, table(forecasts, bare))
+    write_csv(written[-1], FORECAST_COLUMNS, forecast_rows(forecasts, bare))
     return written

@@ -26,12 +26,13 @@ from ema.errors import InputError
 from ema.messages import mark, text, word
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.document import Chapter, Document, compose
-from ema.report.findings import counted, finding_table, grouped, language_note
+from ema.report.findings import counted, finding_table, grouped, language_note, meanings
 from ema.report.friction import loops, ring_down_sentences, ring_downs
 from ema.report.joint import joint_document
 from ema.report.maps import map_blocks, map_sentence
 from ema.report.numbers import fixed, plain, rounded
 from ema.report.placement import answers, place_blocks, placement_sections
+from ema.report.prediction import predictions
 from ema.show.joint_result import JointResult
 
 Group = tuple[list[str], list[Block]]
@@ -100,11 +101,10 @@ def _of_placement(placement: Placement, book: Book) -> Document:
 def _of_results(results: Mapping[str, Any], book: Book) -> Document:
     models = (one for one in results.values() if type(one).__name__ == "BeamModel" and one.name)
     model = next((str(one.name) for one in models), "")
-    summary: list[str] = []
-    sections: list[Section] = []
-    findings: list[Finding] = []
+    predicted = predictions(results, book)
+    summary, sections, findings = predicted.summary, predicted.sections, predicted.findings
     for kind, title, made in _KINDS:
-        of_kind = {name: result for name, result in results.items() if isinstance(result, kind)}
+        of_kind = {name: result for name, result in predicted.others.items() if isinstance(result, kind)}
         if not of_kind:
             continue
         sentences, blocks = made(of_kind, book)
@@ -116,11 +116,16 @@ def _of_results(results: Mapping[str, Any], book: Book) -> Document:
         raise InputError(
             "there is nothing to report",
             got=names,
-            expected="a study, a placement, a comparison, maps, or what `ema simulate` wrote",
+            expected="a study, a placement, a comparison, maps, or what `ema predict` or `ema simulate` wrote",
         )
-    title = f"{model}: {sections[0].title}" if model else sections[0].title
+    title = predicted.title or sections[0].title
+    title = f"{model}: {title}" if model else title
     facts = [(text("Model"), model)] if model else []
-    return _document(title, facts, summary, sections, _findings(list(dict.fromkeys(findings)), book), [])
+    reported = _findings(list(dict.fromkeys(findings)), book)
+    summary += meanings(reported[0]) if predicted.sections else []
+    origin = predicted.origin(book)
+    chapters = [Chapter(text("Provenance"), "provenance", sections=origin)] if origin else []
+    return _document(title, facts, summary, sections, reported, chapters)
 
 
 def _findings(findings: list[Finding], book: Book) -> tuple[Any, Any]:

@@ -72,13 +72,13 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list
     blocks: list[Block] = []
     if ringing:
         blocks += [_limits(ringing, book), *_pictures(ringing, book)]
-        blocks.append(_levels(ringing, book, "ring_down_modes", text("Levels read from the ring-downs"), shown=0))
+        blocks.append(level_table(ringing, book, "ring_down_modes", text("Levels read from the ring-downs"), shown=0))
         blocks += _shapes(ringing, book)
     if stepped:
         names = ", ".join(mode.name for mode in stepped)
         alt = text("Frequency and damping over the amplitude: {names}.", names=names)
         blocks.append(book.picture(partial(show.amplitude_modes, stepped), alt, _caption(stepped)))
-        blocks.append(_levels(stepped, book, "amplitude_modes", _caption(stepped)))
+        blocks.append(level_table(stepped, book, "amplitude_modes", _caption(stepped)))
     return blocks
 
 
@@ -225,9 +225,10 @@ def _shapes(modes: Sequence[AmplitudeDependentMode], book: Book) -> list[Block]:
     return blocks
 
 
-def _levels(
+def level_table(
     modes: Sequence[AmplitudeDependentMode], book: Book, name: str, caption: str, shown: int | None = None
 ) -> Table:
+    """Every level of the modes: amplitude, frequency and damping with their 95 % intervals."""
     rows: list[tuple[Cell, ...]] = [
         (
             mode.name,

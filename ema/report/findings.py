@@ -75,6 +75,12 @@ def counted(groups: list[Group]) -> str:
     return text("Findings: {counts}.", counts=counts) if counts else text("Findings: none.")
 
 
+def meanings(groups: list[Group]) -> list[str]:
+    """What each kind of finding means, with its severity."""
+    known = kinds()
+    return [f"{group.name}: {word(known[group.code].meaning)}" for group in groups if group.code in known]
+
+
 def language_note() -> str:
     """That what the computation put into words is in English, in a report of another language."""
     return text(IN_ENGLISH) if language() != SOURCE else ""

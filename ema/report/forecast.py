@@ -82,11 +82,11 @@ def forecast_blocks(prediction: Forecast | ForecastCheck, book: Book) -> list[Bl
             _columns(check),
             _rows(forecast, check),
         ),
-        *_budget(forecast, book),
+        *budget_blocks(forecast, book),
     ]
 
 
-def _budget(forecast: Forecast, book: Book) -> list[Block]:
+def budget_blocks(forecast: Forecast, book: Book) -> list[Block]:
     """What the bands come from, what widens those of the damping most first."""
     table = forecast.budget()
     if table.empty:

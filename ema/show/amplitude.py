@@ -24,11 +24,11 @@ _QUANTITIES = (mark("displacement"), mark("velocity"), mark("acceleration"))
 def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequence[AmplitudePrediction] = ()) -> Figure:
     """Draw frequency and damping ratio of modes over their amplitude, with 95 % intervals.
 
-    Predictions are drawn as bands with their medians, measured levels as points with bars; a dotted line marks the
-    highest level that a prediction was fitted to. Where the findings of a mode state it, a dashed line marks the onset
-    of slip and a dash-dotted one the median amplitude behind the impacts; a dotted level is what a publication states,
-    with a diamond at every amplitude to which it belongs. Amplitudes that span more than a decade are
-    on a logarithmic axis.
+    Predictions are drawn as bands with their medians, one amplitude alone as a diamond with its bar, measured levels as
+    points with bars; a dotted line marks the highest level that a prediction was fitted to. Where the findings of a
+    mode state it, a dashed line marks the onset of slip and a dash-dotted one the median amplitude behind the impacts;
+    a dotted level is what a publication states, with a diamond at every amplitude to which it belongs. Amplitudes that
+    span more than a decade are on a logarithmic axis.
 
     Parameters
     ----------
@@ -82,11 +82,17 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     for number, prediction in enumerate(predictions):
         colour, style, _ = SERIES[(number + len(modes)) % len(SERIES)]
         for axes, band, factor in ((frequency, prediction.frequency, 1.0), (damping, prediction.damping, 100.0)):
-            axes.fill_between(
-                prediction.amplitude, factor * band.low, factor * band.high, color=colour, alpha=0.2, lw=0
-            )
             label = text("{mode}, predicted", mode=prediction.name or text("mode"))
-            axes.plot(prediction.amplitude, factor * band.value, color=colour, ls=style, label=label)
+            if len(prediction.amplitude) > 1:
+                axes.fill_between(
+                    prediction.amplitude, factor * band.low, factor * band.high, color=colour, alpha=0.2, lw=0
+                )
+                axes.plot(prediction.amplitude, factor * band.value, color=colour, ls=style, label=label)
+            else:
+                off = [factor * (band.value - band.low), factor * (band.high - band.value)]
+                axes.errorbar(
+                    prediction.amplitude, factor * band.value, off, fmt="D", ms=4, capsize=3, color=colour, label=label
+                )
             fitted = float(prediction.amplitude[0] / prediction.beyond[0])
             axes.axvline(fitted, color=colour, ls=":", lw=0.9, label=text("highest level fitted"))
     measured = np.concatenate([mode.amplitude for mode in modes]) if modes else np.ones(1)

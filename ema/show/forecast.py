@@ -54,7 +54,8 @@ def forecast_bands(prediction: Forecast | ForecastCheck) -> Figure:
         )
     for axes in panels[-1]:
         axes.set_xlabel(text("Excitation force F_E [N]"))
-    panels[0, 1].legend(fontsize=7.5)
+    handles, labels = panels[0, 1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5)
     return figure
 
 

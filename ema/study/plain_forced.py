@@ -1,6 +1,6 @@
 """Resonances and responses at forces as plain numbers and texts, for machines and people."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,25 +8,6 @@ import numpy as np
 from ema.data import Finding, ForcedResonances, ForcedResponse
 from ema.study.plain import finding, rows
 from ema.units import SI_UNIT
-
-COLUMNS = (
-    "frequency_Hz",
-    "force_N",
-    *(f"{sweep}_{end}" for sweep in ("up", "down") for end in ("low", "median", "high")),
-    "phase_up_rad",
-    "phase_down_rad",
-    "responses",
-)
-"""Columns of a response as a table: amplitudes are in the SI unit of the quantity."""
-
-
-def table(response: ForcedResponse) -> Iterator[tuple[Any, ...]]:
-    """Return the rows of a response as a table: one for each frequency, in the order of ``COLUMNS``."""
-    columns = [response.frequencies, response.force]
-    for sweep in (response.up, response.down):
-        columns += [sweep.low, sweep.value, sweep.high]
-    columns += [response.phase_up.value, response.phase_down.value, response.solutions]
-    return zip(*(column.tolist() for column in columns), strict=True)
 
 
 def resonances(predicted: ForcedResonances, responses: Sequence[ForcedResponse]) -> dict[str, Any]:

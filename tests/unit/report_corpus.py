@@ -33,6 +33,7 @@ from ema.data import (
 from ema.dof import Dof
 from ema.show import joint_result as joint_result_data
 from ema.synthesis import frfs as synthesise
+from tests.unit import predicted_results
 from tests.unit.friction_nouns import decay, loop, placement
 from tests.unit.test_show_plot import things
 
@@ -261,6 +262,7 @@ def results() -> dict[str, Any]:
         "unlike": study((_bones(plain), _bones(run_result("other", plate(4, 2), **SMALL))), geometry),
         "alone": _named(drawn) | {"decay 200 N": decay(), "loop 20 µm": loop(500.0)},
         "joint": joint_result_data.example(),
+        **predicted_results.results(),
     }
 
 

@@ -242,6 +242,8 @@ def command(*words):
 def test_the_verb_predicts_and_tests_itself_on_levels_held_out(written, tmp_path):
     import json
 
+    from ema import store
+
     at = ("--amplitude", "15.0 m/s^2", "--amplitude", "20 m/s^2", "--up-to", "12 m/s^2")
     done = command("predict", written, *at, "--json", "--output", tmp_path / "out")
     assert done.exit_code == 0, done.output
@@ -250,7 +252,9 @@ def test_the_verb_predicts_and_tests_itself_on_levels_held_out(written, tmp_path
     assert all(low < value < high for point in told["points"] for low, value, high in [point["damping"]])
     assert told["confirmed"] == {"held_out": 2, "inside": 2}
     assert sum(told["laws"].values()) == pytest.approx(1)
-    assert len(list((tmp_path / "out").glob("*.h5"))) == 1
+    (file,) = (tmp_path / "out").glob("*.h5")
+    stored = store.load(file)
+    assert stored["mode"].amplitude.max() <= 12.12 < stored["measured"].amplitude.max()
 
 
 def test_levels_that_were_fitted_confirm_nothing(written, tmp_path):

@@ -154,7 +154,9 @@ def check_prediction(compared, model, folder):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     told = json.loads(done.stdout)
-    kept = store.load(folder / "small_prediction.h5")["prediction"]
+    stored = store.load(folder / "small_prediction.h5")
+    assert sorted(stored) == ["map", "prediction", "update"]
+    kept = stored["prediction"]
     assert kept.normal_forces.tolist() == [150.0, 400.0] and isinstance(kept, MapPrediction)
     truth = simulated(model, [0.8], [150.0, 400.0])
     for point, f, zeta in zip(told["points"], truth.frequency[0], truth.damping[0], strict=True):
