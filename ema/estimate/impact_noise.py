@@ -192,7 +192,7 @@ def about_noise(
     line = int(np.argmax(np.where(band, bias, 0.0)))
     if bias[line] < MATTERS:
         return []
-    numbers = {"share": f"{100 * bias[line]:.2g}", "frequency": f"{frequencies[line]:.4g}"}
+    share, frequency = f"{100 * bias[line]:.2g}", f"{frequencies[line]:.4g}"
     if reason:
         return [
             Finding.of(
@@ -205,7 +205,8 @@ def about_noise(
                 MATTERS,
                 advice="Record a second before each impact, the hammer still, and use the force window.",
                 reason=reason,
-                **numbers,
+                share=share,
+                frequency=frequency,
             )
         ]
     findings = [
@@ -218,7 +219,8 @@ def about_noise(
             float(bias[line]),
             MATTERS,
             advice="Use the force window, a load cell of less range, or a harder tip.",
-            **numbers,
+            share=share,
+            frequency=frequency,
         )
     ]
     if np.any(lost & band):
