@@ -233,7 +233,6 @@ INVARIANTS: dict[str, tuple[Invariant, ...]] = {
         *interval("damping_low", "damping", "damping_high"),
         *each(not_negative, "force_levels"),
     ),
-    "Matrices": (equally_many("dofs", "mass"),),
     "ModalMap": (*each(not_negative, "force_levels"),),
     # shapes of other programs may come without frequencies: their poles are NaN
     "ModalModel": each(share, "confidence"),

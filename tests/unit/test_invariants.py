@@ -111,7 +111,6 @@ COUNTS = [
     ("Response", "dofs"),
     ("HarmonicResponse", "dofs"),
     ("NonlinearMode", "dofs"),
-    ("Matrices", "dofs"),
     ("ModeComparison", "pairs"),
     ("ModelUpdate", "names"),
     ("RepeatGroup", "runs"),
