@@ -8,8 +8,6 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER: set[str] = {
-    "large, 50000",
-    "large, 25000",
     "machines, map of 60 conditions",
     "machines, campaign of 40 runs",
     "recordings, 40 runs, welch",
