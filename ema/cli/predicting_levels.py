@@ -217,9 +217,10 @@ def _kept(path: Path) -> "tuple[AmplitudeDependentMode | None, AmplitudeDraws] |
     items = containers(path)
     draws = [item for item in items if isinstance(item, AmplitudeDraws)]
     modes = [item for item in items if isinstance(item, AmplitudeDependentMode)]
-    # beside the levels that were fitted there may be all of them
-    fitted = min(modes, key=lambda mode: len(mode.amplitude), default=None)
-    return (fitted, draws[0]) if draws else None
+    if not draws:
+        return None
+    # the file may hold all measured levels beside those that were fitted
+    return next((mode for mode in modes if np.array_equal(mode.amplitude, draws[0].levels)), None), draws[0]
 
 
 def _force(text: str) -> float:

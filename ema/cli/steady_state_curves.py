@@ -13,7 +13,7 @@ from ema.data.stability import SteadyStateCurve
 from ema.progress import Progress
 
 _MEANING = (
-    "Stability is that against small disturbances. Branches that no search came to are missing: there may be others."
+    "Stable means stable against small disturbances. The curves are those that the search reached: there may be others."
 )
 
 
@@ -48,8 +48,8 @@ def with_curves(
     for pressed, model in models.items():
         for level in levels:
             band = float(table.band[0]), float(table.band[1])
-            found = simulate.frf_curves(model, band, level, table.at, outputs, settings, progress=progress)
-            for number, curve in enumerate(found, start=1):
+            followed = simulate.frf_curves(model, band, level, table.at, outputs, settings, progress=progress)
+            for number, curve in enumerate(followed, start=1):
                 curves.append(curve)
                 labels.append(f"{level:g} N, F_N {pressed}")
                 rows += [{"F_E [N]": float(level), "F_N": pressed, "curve": number, **row} for row in _stretches(curve)]

@@ -80,12 +80,11 @@ class FloquetMultipliers(Container):
     def loss(self) -> str:
         """Kind of the loss of stability, ``fold`` (+1), ``flip`` (-1) or ``Neimark-Sacker`` (a pair).
 
-        Empty where the state is stable, or the multipliers are not known. Where it is undecided, the kind that the
-        multiplier nearest to the unit circle from inside, or farthest outside, would have.
+        That of the multiplier farthest outside the unit circle; empty where the state is not known to be unstable.
         """
-        if self.verdict == STABLE or self.reason or not np.all(np.isfinite(self.errors)) or not len(self.multipliers):
+        if self.verdict != UNSTABLE:
             return ""
-        leading = int(np.argmax(np.abs(self.multipliers) + self.errors))
+        leading = int(np.argmax(np.abs(self.multipliers) - self.errors))
         value, error = self.multipliers[leading], self.errors[leading]
         if abs(value.imag) > error:
             return NEIMARK_SACKER
@@ -210,7 +209,7 @@ class SteadyStateCurve(Container):
     verdicts : tuple of str
         ``stable``, ``unstable`` or ``undecided`` for every point.
     losses : tuple of str
-        Kind of the loss of stability of every point, empty where it is stable.
+        Kind of the loss of stability of every point, empty where it is not known to be unstable.
     ends : tuple of (str, str), default ("edge", "edge")
         Where the curve begins and ends: ``edge`` of the band, ``closed`` where it returned to its first point, ``lost``
         where it could not be followed any farther.

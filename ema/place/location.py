@@ -121,8 +121,8 @@ def forecast_at(
     located = [_located(recipe, task.surface, location) for location in locations]
     if not located:
         raise InputError("no location for the beam", where=where, expected="one or more locations")
-    asked = task._replace(force_levels=levels, normal_forces=forces)
-    flagged = [_flags(asked, here) for here in located]
+    under_forces = task._replace(force_levels=levels, normal_forces=forces)
+    flagged = [_flags(under_forces, here) for here in located]
     conditions, beyond = under_conditions(table, task, levels.tolist(), forces.tolist())
     settings = ForecastSettings(table.draws, table.seed, table.method)
     common = (
@@ -215,12 +215,12 @@ def _flags(task: Task, here: Candidates) -> tuple[Finding, ...]:
     x, y = here.centres[0].tolist()
     name = str(Location(centre=(x, y), angle=float(here.angles[0]), beam=here.catalogue[int(here.beams[0])].name))
     prediction = predict(task, here)
-    found: dict[tuple[str, str, str], Finding] = {}
+    findings: dict[tuple[str, str, str], Finding] = {}
     for column, force in enumerate(prediction.normal_forces):
         for one in flags(task, prediction, 0, column):
             where = name if one.code == "beam-sticks-out" else f"{name}, F_N {force:g} N"
-            found.setdefault((one.code, where, one.message), replace(one, where=where))
-    return tuple(found.values())
+            findings.setdefault((one.code, where, one.message), replace(one, where=where))
+    return tuple(findings.values())
 
 
 def _about_forces(

@@ -281,8 +281,9 @@ class Monodromy:
         count = min(_SOUGHT + families, size // 3)
         basis = min(max(_BASIS, 3 * count), size)
         try:
-            found = eigs(operator, count, v0=start, ncv=basis, tol=_LEAST_ERROR, maxiter=5, return_eigenvectors=False)
-            return np.asarray(found)
+            return np.asarray(
+                eigs(operator, count, v0=start, ncv=basis, tol=_LEAST_ERROR, maxiter=5, return_eigenvectors=False)
+            )
         except ArpackNoConvergence:
             return np.asarray(np.linalg.eigvals(self.matrix(side)))
 
@@ -411,17 +412,17 @@ def floquet_multipliers(
             expected=f"{contacts} contacts",
             advice="give the model that the response was computed from",
         )
-    found: list[FloquetMultipliers] = []
+    multipliers: list[FloquetMultipliers] = []
     before: _Point | None = None
     for row in range(len(response.frequencies)):
         advance(progress, "multipliers", row, len(response.frequencies))
         point = _again(condensed, response, row, before) if response.converged[row] else None
         if point is None:
-            found.append(_open("there is no steady state" if not response.converged[row] else _NOT_AGAIN))
+            multipliers.append(_open("there is no steady state" if not response.converged[row] else _NOT_AGAIN))
             continue
-        found.append(multipliers_of(condensed, point))
+        multipliers.append(multipliers_of(condensed, point))
         before = point
-    return tuple(found)
+    return tuple(multipliers)
 
 
 def _again(condensed: Condensed, response: HarmonicResponse, row: int, before: _Point | None) -> _Point | None:

@@ -343,6 +343,8 @@ def test_verdicts_need_a_distance_from_the_circle_beyond_the_error():
     assert multipliers(0.97).verdict == "stable" and multipliers(0.97).loss == ""
     assert multipliers(1.1).loss == "fold" and multipliers(-1.1).loss == "flip"
     assert multipliers(0.9 + 0.6j, 0.9 - 0.6j).loss == "Neimark-Sacker"
+    undecided = multipliers(-0.56, error=0.5)  # next to nothing is known: no period doubling is named
+    assert undecided.verdict == "undecided" and undecided.loss == ""
     assert multipliers(0.5, reason="not closed").verdict == multipliers(0.5, error=np.inf).verdict == "undecided"
 
 
