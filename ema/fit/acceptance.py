@@ -143,12 +143,11 @@ def judge(
             reason = f"its frequency is uncertain by {std_f[pole]:.2g} Hz, {apart[pole]:.2g} Hz from a neighbour"
         elif scatter[pole] > policy.shape_scatter and not members[pole]:
             reason = _uncertain_shape(scatter[pole])
-        elif alone[pole] < policy.alone:
-            reason = (
-                f"the data do not tell it from modes that overlap; the probability that it is one is {alone[pole]:.0%}"
-            )
         elif confidence[pole] < policy.confidence:
             reason = f"the probability that it is a mode with this frequency and shape is {confidence[pole]:.0%}"
+        elif confidence[pole] * alone[pole] < policy.alone:
+            chance = f"{confidence[pole] * alone[pole]:.0%}"
+            reason = f"the data do not tell it from modes that overlap; the probability that it is one is {chance}"
         reasons[pole], accepted[pole] = reason, not reason
     # Poles that stand for the background or for a misfit are heavy too: these are no candidates.
     heavy = ~possible & (damping > policy.heaviest) & visible & (energy[1] >= policy.large) & (explained >= 1)

@@ -65,7 +65,15 @@ below which lines were averaged: 1 for independent lines, 0.2 for the mean of th
 
 SAME_SHAPE = 0.8
 """MAC of the residues of a pole and a mode from which on they have one shape: of two random real shapes over three FRFs
-11 % have as much, over six 0.7 % (beta distribution). Nearness of the poles is asked for as well."""
+11 % have as much, over six 0.7 % (beta distribution). Nearness of the poles is asked for as well, and `SCATTERS`."""
+SCATTERS = 3.0
+"""Distance of the MAC from 1, over what the uncertainty of both shapes makes it, beyond which they are two shapes.
+A part of a peak has its shape but for noise: leaning peaks, friction and noise in the force leave 0.05 to 1.9. With six
+degrees of freedom (errors of a few poles make most of the scatter of a shape) chance exceeds it once in 160 times."""
+PART_REACH = 1.5
+"""Distance of a pole from a mode, over the sum of their decay rates, up to which it can be a part of the peak. Poles
+of the growing vibrations above lie at 1 whatever their ratio; poles that stand for parts of leaning peaks, of friction
+and of noise in the force lie at 0.4 to 1.2."""
 FEWEST_FRFS = 3
 """FRFs from which on a shape says something: of two random real shapes over two FRFs 30 % have the MAC of
 `SAME_SHAPE`."""
@@ -115,7 +123,7 @@ def examine(
         shape = fit.shapes[:, 0, pole, None] * fit.participation[:, pole]
         weight = data.weights[..., near]
         known = np.einsum("oif,oi->f", weight, np.abs(shape) ** 2)
-        parts = _of_parts(fit, int(pole), accepted, data.s[near])
+        parts = _of_parts(fit, int(pole), errors.scatter, accepted, s=data.s[near])
         modal, of_parts = (
             np.einsum("oif,oi,oif->f", weight, shape.conj(), own) / known
             for own in (residual[..., near] + parts, parts)
@@ -148,14 +156,22 @@ def examine(
 
 
 def _of_parts(
-    fit: Fit, mode: int, accepted: Bool[np.ndarray, "pole"], s: Complex[np.ndarray, "line"]
+    fit: Fit,
+    mode: int,
+    scatter: Float[np.ndarray, "pole"],
+    accepted: Bool[np.ndarray, "pole"],
+    *,
+    s: Complex[np.ndarray, "line"],
 ) -> Complex[np.ndarray, "out in line"]:
-    """What poles that are no modes give to the peak of a mode: those near it that have its shape."""
+    """What poles that are no modes give to the peak of a mode: those near it that have its shape, as far as the
+    ``scatter`` of both shapes tells.
+    """
     residues = fit.shapes[:, 0, None, :] * fit.participation
     outputs, inputs, poles = residues.shape
     as_shapes = residues.reshape(outputs * inputs, poles)
-    alike = mac(as_shapes[:, [mode]], as_shapes)[0] >= SAME_SHAPE
-    near = np.abs(fit.poles - fit.poles[mode]) < REACH * -fit.poles[mode].real
+    agreement = mac(as_shapes[:, [mode]], as_shapes)[0]
+    alike = (agreement >= SAME_SHAPE) & (1 - agreement < SCATTERS * (scatter + scatter[mode]))
+    near = np.abs(fit.poles - fit.poles[mode]) < PART_REACH * -(fit.poles + fit.poles[mode]).real
     parts = np.flatnonzero(alike & near & ~accepted & accepted[mode] & (len(as_shapes) >= FEWEST_FRFS))
     return np.asarray(np.einsum("oip,pf->oif", residues[..., parts], 1 / (s - fit.poles[parts, None])))
 
