@@ -1,5 +1,6 @@
 """Modes and candidates: what a pole has to show, on the final values and their intervals, to be accepted as a mode."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,79 +84,128 @@ def judge(
     visible = energy[0] >= policy.visible
     limit = np.where(visible, policy.visible_uncertainty, policy.damping_uncertainty)
     stated = errors.stated
-    std_z, scatter = errors.damping, errors.scatter
     group = groups(fit, errors, possible, policy)
     members = np.bincount(group, minlength=len(group) + 1)[group] > 1
+    # In a misfit, poles explain what is no noise: the search has judged them there.
+    explained = np.full(len(fit.poles), np.inf) if optimum.misfit else evidence(optimum.data, fit)
+    narrow = _narrow(
+        optimum,
+        errors.damping,
+        possible,
+        policy=policy,
+        damping=damping,
+        limit=limit,
+        explained=explained,
+        dropped=dropped,
+    )
+    unresolved = narrow.within_a_line & visible & ~narrow.tones & (errors.damping > limit * damping)
+    steady = possible & (damping <= 0)
+    # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
+    resonant = possible & (explained >= 1) & ((errors.damping <= limit * damping) | unresolved)
+    resonant &= ~(narrow.tones | steady | narrow.one_side | narrow.single_lines)
+    # What is no noise leaves the damping open: a resonance that is seen as the one peak of its place is there still.
+    undetermined = resonant & ~unresolved & (stated.damping > limit * damping)
+    resonant &= ~undetermined | visible
+    reach = stated.frequency / policy.frequency_uncertainty
+    resonant &= ~_parts(fit, reach, group, resonant, undetermined, energy[1])
+    spacing, apart = _distances(fit, group, resonant)
+    confidence = _confidence(fit, stated, group, resonant, damping=damping, limit=policy.shape_scatter)
+    certain = confidence * alone
+    no_decay = (
+        mark("it does not decay once the exponential window is taken off") if added_decay else mark("it does not decay")
+    )
+
+    def uncertain_frequency(pole: int, distance: float) -> str:
+        return f"its frequency is uncertain by {stated.frequency[pole]:.2g} Hz, {distance:.2g} Hz from a neighbour"
+
+    statements: tuple[tuple[np.ndarray, Callable[[int], str]], ...] = (
+        (narrow.tones, lambda _: mark("its damping is not told from zero, at a multiple of the mains frequency")),
+        (steady, lambda _: no_decay),
+        (
+            narrow.one_side,
+            lambda _: mark(
+                "it is narrower than a line and at the end of the band, where one side of a peak is no peak"
+            ),
+        ),
+        (narrow.single_lines, lambda _: TONE),
+        (explained < 1, lambda pole: f"it explains {explained[pole]:.2g} times what noise may"),
+        (~resonant, lambda pole: f"its damping is uncertain by {stated.damping[pole] / damping[pole]:.0%}"),
+        (
+            stated.frequency > policy.frequency_uncertainty * spacing,
+            lambda pole: uncertain_frequency(pole, spacing[pole]),
+        ),
+        (stated.frequency > 0.5 * apart, lambda pole: uncertain_frequency(pole, apart[pole])),
+        ((errors.scatter > policy.shape_scatter) & ~members, lambda pole: _uncertain_shape(errors.scatter[pole])),
+        (
+            confidence < policy.confidence,
+            lambda pole: f"the probability that it is a mode with this frequency and shape is {confidence[pole]:.0%}",
+        ),
+        (
+            certain < policy.alone,
+            lambda pole: (
+                "the data do not tell it from modes that overlap; the probability that it is one is "
+                f"{certain[pole]:.0%}"
+            ),
+        ),
+    )
+    reasons = [""] * len(fit.poles)
+    for pole in np.flatnonzero(possible):
+        reasons[pole] = next((reason(pole) for fails, reason in statements if fails[pole]), "")
+    accepted = possible & np.array([not reason for reason in reasons], bool)
+    # Poles that stand for the background or for a misfit are heavy too: these are no candidates.
+    ends = optimum.data.s.imag[[0, -1]]
+    heavy = ~possible & (damping > policy.heaviest) & visible & (energy[1] >= policy.large) & (explained >= 1)
+    heavy &= (errors.damping <= policy.damping_uncertainty * damping) & (not optimum.misfit)
+    heavy &= (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
+    for pole in np.flatnonzero(heavy):
+        reasons[pole] = f"its damping ratio is above {policy.heaviest:.0%}, the limit for modes"
+    return Verdict(possible, accepted, tuple(reasons), certain, group, energy, unresolved, narrow.tones, heavy)
+
+
+@dataclass(frozen=True)
+class _Narrow:
+    """Poles (pole,) narrower than the lines resolve: by their value and its uncertainty (``within_a_line``), tones at
+    multiples of the mains frequency, those at an end of the band, and those that single lines show alone.
+    """
+
+    within_a_line: Bool[np.ndarray, "pole"]
+    tones: Bool[np.ndarray, "pole"]
+    one_side: Bool[np.ndarray, "pole"]
+    single_lines: Bool[np.ndarray, "pole"]
+
+
+def _narrow(
+    optimum: Refined,
+    std: Float[np.ndarray, "pole"],
+    possible: Bool[np.ndarray, "pole"],
+    *,
+    policy: SelectionPolicy,
+    damping: Float[np.ndarray, "pole"],
+    limit: Float[np.ndarray, "pole"],
+    explained: Float[np.ndarray, "pole"],
+    dropped: Float[np.ndarray, "dropped"],
+) -> _Narrow:
+    """Poles that are narrow for the lines, with the standard deviation ``std`` of their ``damping``, which beyond
+    ``limit`` of the value is not determined; ``explained`` is their energy over what noise may have.
+    """
+    fit, line = optimum.fit, optimum.data.line
     # Half-power bandwidths in lines.
-    line = optimum.data.line
     unit = 2 * np.abs(fit.poles) / max(line, 1e-300)
-    narrow = (damping * unit < policy.unresolved) & (std_z * unit < policy.unresolved)
+    narrow = damping * unit < policy.unresolved
+    within_a_line = narrow & (std * unit < policy.unresolved)
     # A steady tone leaks into its neighbour lines as an undamped pole does: a pole known to decay is none.
-    undamped = possible & (damping * unit < policy.unresolved) & (std_z > limit * damping)
+    undamped = possible & narrow & (std > limit * damping)
     reach = 1.5 * line / (2 * np.pi)
     tones = _tones(natural_frequencies(fit.poles), undamped, dropped, policy=policy, reach=reach)
     # The first and the last lines show one side of a peak, which is none there: it may as well lie beside the band.
     ends = optimum.data.s.imag[[0, -1]]
-    one_side = (np.min(np.abs(fit.poles.imag - ends[:, None]), axis=0) < 1.5 * line) & (
-        damping * unit < policy.unresolved
-    )
-    unresolved = narrow & visible & (std_z > limit * damping) & ~tones
-    steady = possible & (damping <= 0)
-    # In a misfit, poles explain what is no noise: the search has judged them there.
-    explained = np.full(len(fit.poles), np.inf) if optimum.misfit else evidence(optimum.data, fit)
+    one_side = (np.min(np.abs(fit.poles.imag - ends[:, None]), axis=0) < 1.5 * line) & narrow
     # Of few averages single lines stand out: where the force is small by chance, errors are larger than any variance
     # pooled over lines says. A resonance shows in the lines beside as well.
     sharp = possible & (-2 * fit.poles.real < policy.unresolved * line) & (explained >= 1)
-    lonely = np.zeros(len(fit.poles), bool)
-    lonely[without_flanks(optimum.data, fit, np.flatnonzero(sharp))] = True
-    # What cannot be a mode itself is no mode to be mistaken for: it stays in the fit, and in the interval of the other.
-    doubtful = tones | steady | one_side | lonely
-    resonant = possible & (explained >= 1) & ((std_z <= limit * damping) | unresolved) & ~doubtful
-    # What is no noise leaves the damping open: a resonance that is seen as the one peak of its place is there still.
-    vague = resonant & ~unresolved & (stated.damping > limit * damping)
-    resonant &= ~vague | visible
-    resonant &= ~_parts(fit, stated.frequency / policy.frequency_uncertainty, group, resonant, vague, energy[1])
-    std_f = stated.frequency
-    spacing, apart = _distances(fit, group, resonant)
-    confidence = _confidence(fit, stated, group, resonant, damping=damping, limit=policy.shape_scatter)
-    accepted, reasons = possible.copy(), [""] * len(fit.poles)
-    for pole in np.flatnonzero(possible):
-        reason = ""
-        if tones[pole]:
-            reason = mark("its damping is not told from zero, at a multiple of the mains frequency")
-        elif steady[pole]:
-            reason = (
-                mark("it does not decay once the exponential window is taken off")
-                if added_decay
-                else mark("it does not decay")
-            )
-        elif one_side[pole]:
-            reason = mark("it is narrower than a line and at the end of the band, where one side of a peak is no peak")
-        elif lonely[pole]:
-            reason = TONE
-        elif explained[pole] < 1:
-            reason = f"it explains {explained[pole]:.2g} times what noise may"
-        elif not resonant[pole]:
-            reason = f"its damping is uncertain by {stated.damping[pole] / damping[pole]:.0%}"
-        elif std_f[pole] > policy.frequency_uncertainty * spacing[pole]:
-            reason = f"its frequency is uncertain by {std_f[pole]:.2g} Hz, {spacing[pole]:.2g} Hz from a neighbour"
-        elif std_f[pole] > 0.5 * apart[pole]:
-            reason = f"its frequency is uncertain by {std_f[pole]:.2g} Hz, {apart[pole]:.2g} Hz from a neighbour"
-        elif scatter[pole] > policy.shape_scatter and not members[pole]:
-            reason = _uncertain_shape(scatter[pole])
-        elif confidence[pole] < policy.confidence:
-            reason = f"the probability that it is a mode with this frequency and shape is {confidence[pole]:.0%}"
-        elif confidence[pole] * alone[pole] < policy.alone:
-            chance = f"{confidence[pole] * alone[pole]:.0%}"
-            reason = f"the data do not tell it from modes that overlap; the probability that it is one is {chance}"
-        reasons[pole], accepted[pole] = reason, not reason
-    # Poles that stand for the background or for a misfit are heavy too: these are no candidates.
-    heavy = ~possible & (damping > policy.heaviest) & visible & (energy[1] >= policy.large) & (explained >= 1)
-    heavy &= (std_z <= policy.damping_uncertainty * damping) & (not optimum.misfit)
-    heavy &= (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
-    for pole in np.flatnonzero(heavy):
-        reasons[pole] = f"its damping ratio is above {policy.heaviest:.0%}, the limit for modes"
-    return Verdict(possible, accepted, tuple(reasons), confidence * alone, group, energy, unresolved, tones, heavy)
+    single_lines = np.zeros(len(fit.poles), bool)
+    single_lines[without_flanks(optimum.data, fit, np.flatnonzero(sharp))] = True
+    return _Narrow(within_a_line, tones, one_side, single_lines)
 
 
 def with_shapes(verdict: Verdict, scatter: Float[np.ndarray, "pole"], policy: SelectionPolicy) -> Verdict:
@@ -260,15 +310,15 @@ def _residue_noise(optimum: Refined, errors: PoleErrors, members: Int[np.ndarray
     total = 0.0
     # An entry of which the information tells nothing is one that the shapes make up for: it moves no joint residue.
     by_part = np.diag(fit.information).reshape(2, -1)[:, modes:] > 0
-    told = np.ones(fit.participation.shape)
-    told.reshape(-1)[fit.free] = by_part.all(axis=0)
+    informed = np.ones(fit.participation.shape)
+    informed.reshape(-1)[fit.free] = by_part.all(axis=0)
     for i, entries in enumerate(fit.participation[:, members]):
         real = np.concatenate([entries.real, -entries.imag])
         imaginary = np.concatenate([entries.imag, entries.real])
         total += float(np.sum(np.einsum("a,oab,b->o", real, own, real)))
         total += float(np.sum(np.einsum("a,oab,b->o", imaginary, own, imaginary)))
         change = sum(
-            entry * errors.modes[m].shape + told[i, m] * fit.shapes[:, 0, [m]] * errors.modes[m].participation[i]
+            entry * errors.modes[m].shape + informed[i, m] * fit.shapes[:, 0, [m]] * errors.modes[m].participation[i]
             for entry, m in zip(entries, members, strict=True)
         )
         shared += float(np.sum(np.abs(change) ** 2))
@@ -297,21 +347,21 @@ def _parts(
     reach: Float[np.ndarray, "pole"],
     group: Int[np.ndarray, "pole"],
     resonant: Bool[np.ndarray, "pole"],
-    vague: Bool[np.ndarray, "pole"],
+    undetermined: Bool[np.ndarray, "pole"],
     energy: Float[np.ndarray, "pole"],
 ) -> Bool[np.ndarray, "pole"]:
-    """Poles of ``vague`` damping within ``reach`` [Hz] of a resonance of the same participation, or it within theirs:
-    parts of one peak, which a linear fit takes several of where the resonance changes with amplitude. What is not vague
-    is no part, nor is the pole with the most energy.
+    """Poles of ``undetermined`` damping within ``reach`` [Hz] of a resonance of the same participation, or it within
+    theirs: parts of one peak, which a linear fit takes several of where the resonance changes with amplitude. What is
+    determined is no part, nor is the pole with the most energy.
     """
     alike = (macs(fit.participation.T) > 0.9) & (group[:, None] != group)
     distance = np.abs(fit.poles[:, None] - fit.poles) / (2 * np.pi)
     one_place = alike & (distance < np.maximum(reach[:, None], reach))
-    parts = np.zeros(len(vague), bool)
-    candidates = np.flatnonzero(vague & resonant)
+    parts = np.zeros(len(undetermined), bool)
+    candidates = np.flatnonzero(undetermined & resonant)
     for pole in candidates[np.argsort(energy[candidates], kind="stable")]:
         others = resonant & ~parts & one_place[pole]
-        parts[pole] = bool(np.any(others & (~vague | (energy > energy[pole]))))
+        parts[pole] = bool(np.any(others & (~undetermined | (energy > energy[pole]))))
     return parts
 
 

@@ -66,19 +66,19 @@ def _two_modes(model: ModalModel, pair: list[int]) -> bool:
 def _finding(model: ModalModel, modes: Int[np.ndarray, "part"]) -> Finding:
     frequencies, damping = model.natural_frequencies[modes], 100 * model.damping_ratios[modes]
     least = int(np.argmin(damping))
-    told = ", ".join(f"{f:.1f} Hz {z:.2g} %" for f, z in zip(frequencies, damping, strict=True))
+    listed = ", ".join(f"{f:.1f} Hz {z:.2g} %" for f, z in zip(frequencies, damping, strict=True))
     numbers = ", ".join(str(mode + 1) for mode in modes)
     where = f"{model.name or 'fit'}, modes {numbers}"
     return Finding.of(
         "warning",
         "one-resonance-in-parts",
         where,
-        "These modes overlap and share a shape that is not real ({told}): they may be one resonance whose frequency "
+        "These modes overlap and share a shape that is not real ({listed}): they may be one resonance whose frequency "
         "and damping change with amplitude, as where a joint slips under the impact. The least damped one, {least} Hz, "
         "is then that of small amplitudes.",
         float(len(modes)),
         1.0,
         advice="Compare soft and hard impacts, read the ring-down over amplitude, or sweep at constant force.",
-        told=told,
+        listed=listed,
         least=f"{frequencies[least]:.1f}",
     )
