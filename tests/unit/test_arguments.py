@@ -229,8 +229,8 @@ def test_classes_stay_what_they_are() -> None:
         """A section of a user."""
 
     for kind in (simulate.Section, Bar):
-        section = kind(0.5, 0.04, thickness=0.005)
-        assert isinstance(section, simulate.Section) and section == kind(length=0.5, width=0.04, thickness=0.005)
+        section = kind(0.5, 0.04, height=0.005)
+        assert isinstance(section, simulate.Section) and section == kind(length=0.5, width=0.04, height=0.005)
         assert replace(section, length=1).length == 1
         with pytest.raises(InputError, match=r"Section\.width: .*got '40 mm', expected a number"):
             kind(0.5, "40 mm", 0.005)
