@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from inspect import Signature, signature
+from types import UnionType
+from typing import Any, ParamSpec, TypeVar, get_args
 
 import matplotlib
 import numpy as np
@@ -10,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 
-from ema.arguments import checked
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.messages import mark, text, word
@@ -60,6 +61,7 @@ _STYLE: Any = {
     "text.usetex": False,
 }
 _UNIT_TEXT = {"m/N": "m/N", "(m/s)/N": "(m/s)/N", "(m/s^2)/N": "(m/s²)/N", UNSTATED: mark("unit unstated")}
+_NONE = type(None)
 WIDTH = 9.0
 """Width of a figure in inches: the text width of a report."""
 
@@ -67,21 +69,46 @@ WIDTH = 9.0
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
     """Run ``draw`` under the style of the project; settings outside are untouched.
 
-    An argument of another type than the signature names is refused in one sentence, options of ``ema.show.plot`` too.
+    An argument that is none of the data types which the signature names is refused in one sentence.
     """
+    form = signature(draw)
 
     @wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
-        """``draw`` in the style, and with names of channels and runs as they are written."""
+        """``draw`` with checked arguments, in the style, and with names of channels and runs as they are written."""
+        check_arguments(draw.__name__, form, args, kwargs)
         with matplotlib.rc_context(_STYLE):
             drawn = draw(*args, **kwargs)
         if isinstance(drawn, Figure):
             _take_literally(drawn)
         return drawn
 
-    guarded: Callable[P, R] = checked(wrapper, "ema.show")
-    guarded.__module__ = draw.__module__
-    return guarded
+    return wrapper
+
+
+def check_arguments(name: str, form: Signature, args: Sequence[Any], kwargs: dict[str, Any]) -> None:
+    """Refuse an argument that is none of the classes which its annotation consists of.
+
+    Raises
+    ------
+    InputError : an argument is of another type.
+    """
+    try:
+        given = form.bind(*args, **kwargs).arguments
+    except TypeError:  # Python names missing and unknown arguments itself
+        return
+    for parameter, value in given.items():
+        annotation = form.parameters[parameter].annotation
+        kinds = get_args(annotation) if isinstance(annotation, UnionType) else (annotation,)
+        ours = all(isinstance(kind, type) and (kind.__module__.startswith("ema.") or kind is _NONE) for kind in kinds)
+        if ours and not isinstance(value, kinds):
+            raise InputError(
+                f"the argument {parameter!r} is of a type that this picture does not show",
+                where=f"ema.show.{name}",
+                got=type(value).__name__,
+                expected=" or ".join("None" if kind is _NONE else kind.__name__ for kind in kinds),
+                advice="ema.show.plot draws every data type",
+            )
 
 
 def one_quantity(things: Sequence[Any]) -> str:
