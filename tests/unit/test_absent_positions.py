@@ -16,35 +16,35 @@ from ema.shapes import smooth
 
 def motion() -> data.Response:
     """Two samples of one contact."""
-    zero = np.zeros(2)
+    zero, one = np.zeros(2), np.ones(2)
     return data.Response(
-        times=[0.0, 0.1],
-        displacements=[zero],
-        velocities=[zero],
+        times=np.array([0.0, 0.1]),
+        displacements=np.zeros((1, 2)),
+        velocities=np.zeros((1, 2)),
         dofs=(Dof(1, "+X"),),
-        slips=[[1e-6, -1e-6]],
-        forces=[[5.0, -5.0]],
-        dissipated=[1e-5],
-        slip_time=[0.5],
-        energy=data.EnergyBalance([1.0, 0.9], zero, zero, zero, zero, zero),
+        slips=np.array([[1e-6, -1e-6]]),
+        forces=np.array([[5.0, -5.0]]),
+        dissipated=np.array([1e-5]),
+        slip_time=np.array([0.5]),
+        energy=data.EnergyBalance(one, zero, zero, zero, zero, zero),
     )
 
 
 def second_harmonic() -> data.HarmonicResponse:
     """A steady state of which only the second harmonic was kept."""
     return data.HarmonicResponse(
-        frequencies=[39.0],
-        orders=[2],
-        values=[[[1e-4]]],
+        frequencies=np.array([39.0]),
+        orders=np.array([2]),
+        values=np.full((1, 1, 1), 1e-4 + 0j),
         dofs=(Dof(1, "+X"),),
         slips=np.zeros((1, 0, 1), complex),
         force=1.0,
         driven=Dof(1, "+X"),
-        input_power=[0.01],
-        friction_power=[0.0],
-        damping_power=[0.01],
-        error_estimate=[1e-6],
-        converged=[True],
+        input_power=np.array([0.01]),
+        friction_power=np.array([0.0]),
+        damping_power=np.array([0.01]),
+        error_estimate=np.array([1e-6]),
+        converged=np.array([True]),
     )
 
 

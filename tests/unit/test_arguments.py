@@ -230,12 +230,12 @@ def test_classes_stay_what_they_are() -> None:
 
     for kind in (simulate.Section, Bar):
         section = kind(0.5, 0.04, height=0.005)
-        assert isinstance(section, simulate.Section) and section == kind(length=0.5, width=0.04, height=0.005)
+        assert section == kind(length=0.5, width=0.04, height=0.005)
         assert replace(section, length=1).length == 1
         with pytest.raises(InputError, match=r"Section\.width: .*got '40 mm', expected a number"):
-            kind(0.5, "40 mm", 0.005)
+            kind(0.5, "40 mm", 0.005)  # type: ignore[arg-type]
         with pytest.raises(InputError, match=r"Section\.length: .*got None"):
-            replace(section, length=None)
+            replace(section, length=None)  # type: ignore[arg-type]
     section = simulate.Section(0.5, 0.04, 0.005)
     assert pickle.loads(pickle.dumps(section)) == section
     assert simulate.Masing(0.4, 1e7) == simulate.Masing(friction_coefficient=0.4, contact_stiffness=1e7)
@@ -262,32 +262,29 @@ def test_importing_a_package_builds_no_checks() -> None:
 def test_modules_of_the_project_take_functions_from_where_they_are_defined() -> None:
     from ema.simulate.maps import damping_map
 
-    assert simulate.damping_map is not damping_map and simulate.damping_map.__wrapped__ is damping_map
+    public: Any = simulate.damping_map
+    assert public is not damping_map and public.__wrapped__ is damping_map
 
 
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: fit.modes("beam.uff"), r"ema\.fit\.modes, frfs: .*expected FrfSet; read one by acquisition\.read"),
-        (lambda: fit.track(examples.frf_set()), "got a FrfSet, expected a sequence of FrfSet"),
-        (
-            lambda: fit.local_fit(examples.frf_set(), "55 Hz"),
-            "expected a number; write the number alone, in SI units: 55",
-        ),
-        (lambda: compare.modes(examples.frf_set(), examples.modal_model()), "got a FrfSet, expected ModalModel"),
-        (lambda: compare.update("beam.toml", examples.modal_map()), "expected BeamModel; open one by acquisition"),
-        (lambda: compare.repeats([examples.modal_model()], "a", "b"), "got 'b', expected a sequence of a text"),
-        (lambda: simulate.resonances(examples.modal_model(), 5.0), "got a ModalModel, expected BeamModel"),
-        (lambda: simulate.Section("1 m", 0.04, 0.005), r"Section\.length: .*got '1 m', expected a number"),
-        (lambda: place.rank(examples.modal_model(), None), "got a ModalModel, expected Task"),
-        (
-            lambda: acquisition.open_rig(["rig.toml"]),
-            r"got \['rig.toml'\] \(list\), expected a text, a path or RigFile",
-        ),
-        (lambda: acquisition.open_campaign(examples.frf_set()), "got a FrfSet, expected a text or a path"),
-        (lambda: show.mac_matrix(examples.modal_model()), "got a ModalModel, expected an array of real numbers"),
-    ],
-)
-def test_typical_mistakes_are_answered_in_a_sentence(call: Callable[[], Any], said: str) -> None:
+MISTAKES: list[tuple[Callable[..., Any], tuple[Any, ...], str]] = [
+    (fit.modes, ("beam.uff",), r"ema\.fit\.modes, frfs: .*expected FrfSet; read one by acquisition\.read"),
+    (fit.track, (examples.frf_set(),), "got a FrfSet, expected a sequence of FrfSet"),
+    (fit.local_fit, (examples.frf_set(), "55 Hz"), "expected a number; write the number alone, in SI units: 55"),
+    (compare.modes, (examples.frf_set(), examples.modal_model()), "got a FrfSet, expected ModalModel"),
+    (compare.update, ("beam.toml", examples.modal_map()), "expected BeamModel; open one by acquisition"),
+    (compare.repeats, ([examples.modal_model()], "a", "b"), "got 'b', expected a sequence of a text"),
+    (simulate.resonances, (examples.modal_model(), 5.0), "got a ModalModel, expected BeamModel"),
+    (simulate.Section, ("1 m", 0.04, 0.005), r"Section\.length: .*got '1 m', expected a number"),
+    (place.rank, (examples.modal_model(), None), "got a ModalModel, expected Task"),
+    (acquisition.open_rig, (["rig.toml"],), r"got \['rig.toml'\] \(list\), expected a text, a path or RigFile"),
+    (acquisition.open_campaign, (examples.frf_set(),), "got a FrfSet, expected a text or a path"),
+    (show.mac_matrix, (examples.modal_model(),), "got a ModalModel, expected an array of real numbers"),
+]
+
+
+@pytest.mark.parametrize(("function", "arguments", "said"), MISTAKES)
+def test_typical_mistakes_are_answered_in_a_sentence(
+    function: Callable[..., Any], arguments: tuple[Any, ...], said: str
+) -> None:
     with pytest.raises(InputError, match=said):
-        call()
+        function(*arguments)
