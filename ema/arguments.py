@@ -100,6 +100,8 @@ def checked(target: Any, package: str, after: Callable[[Any], None] | None = Non
     ema.errors.InputError: ema.example.doubled, frequency: not what this argument takes;
     got '5 Hz', expected a number; write the number alone, in SI units: 5
     """
+    if isinstance(target, type) and issubclass(target, tuple):
+        return _named_tuple(target, package)
     if isinstance(target, type):
         for name, own in list(vars(target).items()):
             if name == "__init__" and isinstance(own, types.FunctionType):
@@ -114,6 +116,18 @@ def checked(target: Any, package: str, after: Callable[[Any], None] | None = Non
     guarded = _guarded(target, f"{package}.{target.__name__}")
     guarded.__module__ = package  # by which it is found again in another process
     return guarded
+
+
+def _named_tuple(target: Any, package: str) -> Any:
+    """A named tuple whose ``__new__`` is guarded."""
+    make = target.__new__
+
+    @functools.wraps(make)
+    def constructor(kind: type, /, *args: Any, **named: Any) -> Any:
+        return make(kind, *args, **named)
+
+    target.__new__ = staticmethod(_guarded(constructor, f"{package}.{target.__name__}"))
+    return target
 
 
 def _followed(constructor: Callable[..., None], after: Any) -> Any:
@@ -272,6 +286,10 @@ def hint_of(annotation: Any, *, shapes: bool = True) -> Hint | None:
         return _tuple(arguments, shapes)
     if origin in (collections.abc.Sequence, collections.abc.Iterable, collections.abc.Collection, list):
         return _sequence(hint_of(arguments[0], shapes=shapes))
+    if origin is PathLike:
+        return Hint("a path", lambda value: _where(isinstance(value, PathLike), value))
+    if origin is collections.abc.Callable:
+        return Hint("a function", lambda value: _where(callable(value), value))
     if annotation is None or (isinstance(annotation, type) and origin is None):
         return _PLAIN.get(annotation) or _class(annotation)
     return None

@@ -3,7 +3,6 @@
 What guards them is imported with the first name, so that importing a package loads nothing but this.
 """
 
-import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -42,24 +41,10 @@ def attach(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
 
     def __getattr__(name: str) -> Any:
         if name not in known:
-            known[name] = _guarded(plain(name), package)
+            target = plain(name)
+            from ema.arguments import checked  # it loads numpy
+
+            known[name] = checked(target, package)
         return known[name]
 
     return __getattr__, listed, names
-
-
-def _guarded(target: Any, package: str) -> Any:
-    """A function, or a class whose constructor is guarded; of a named tuple, its ``__new__``."""
-    from ema.arguments import checked  # it loads numpy
-
-    if not (isinstance(target, type) and issubclass(target, tuple)):
-        return checked(target, package)
-    make = target.__new__
-
-    @functools.wraps(make)
-    def constructor(kind: type, /, *args: Any, **named: Any) -> Any:
-        return make(kind, *args, **named)
-
-    constructor.__name__ = target.__name__  # by which errors name it
-    target.__new__ = staticmethod(checked(constructor, package))  # type: ignore[method-assign]
-    return target

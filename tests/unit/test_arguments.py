@@ -55,15 +55,13 @@ GIVEN = {
 }
 NOT_CALLED = {
     ("ema.data", "Source"),  # a protocol
-    ("ema.archive", "Observation"),  # a row that a search returns
     ("ema.shapes", "with_body_uncertainty"),  # needs a surface with a constant term
     ("ema.show", "renderer_works"),  # kept by functools.cache, which makes no function of it
     *(("acquisition", module) for module in ("campaign_file", "columns", "model_file", "quantities", "rig_file")),
 }
-NOT_SEEN = ("progress", "measure", "function", "judge")
-"""Parameters that take a function: what it takes and returns is not seen on it."""
+NOT_SEEN = ("progress",)
+"""A protocol: what it asks for is seen when the work advances."""
 LEFT = {
-    *(("acquisition", name, "path") for name in ("read", "write")),  # the hint, a generic path, says nothing of values
     ("acquisition", "record", "source"),  # what a protocol asks for is seen when records are taken
     ("ema.estimate", "level_bins", "tolerance"),  # is no share above 1
 }
@@ -277,6 +275,8 @@ MISTAKES: list[tuple[Callable[..., Any], tuple[Any, ...], str]] = [
     (simulate.Section, ("1 m", 0.04, 0.005), r"Section\.length: .*got '1 m', expected a number"),
     (place.rank, (examples.modal_model(), None), "got a ModalModel, expected Task"),
     (acquisition.open_rig, (["rig.toml"],), r"got \['rig.toml'\] \(list\), expected a text, a path or RigFile"),
+    (acquisition.read, (["a.uff", "b.uff"],), r"got \['a.uff', 'b.uff'\] \(list\), expected a text or a path"),
+    (estimate.control_level, ("rig", 5.0), "measure: .*got 'rig', expected a function"),
     (acquisition.open_campaign, (examples.frf_set(),), "got a FrfSet, expected a text or a path"),
     (show.mac_matrix, (examples.modal_model(),), "got a ModalModel, expected an array of real numbers"),
 ]
