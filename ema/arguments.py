@@ -20,6 +20,7 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 
 from ema.errors import InputError
+from ema.units import SI_UNIT
 
 LONGEST = 60
 """Characters of a wrong value that an error shows."""
@@ -35,8 +36,10 @@ _READERS = {
 }
 """How a caller comes by an object of a type."""
 
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*\S*\s*")
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s:]*)\s*")
 """A number, and the unit behind it."""
+_UNSCALED = {"", "-", "Hz", "kg", "N/m", *SI_UNIT.values()}
+"""Units in which the number is that of SI; those of hundredths, of g or of kN are left to the caller."""
 
 _REAL = (int, float, np.integer, np.floating)
 _REAL_KINDS, _ALL_KINDS = "fiub", "cfiub"
@@ -473,7 +476,7 @@ def _advice(value: Any, hint: Hint) -> str:
     if isinstance(value, str | PathLike) and hint.kinds:
         return "read what is stored in a file by ema.store.load(file)"
     if isinstance(value, str) and "number" in hint.expected and (parsed := _QUANTITY.fullmatch(value)):
-        return f"write the number alone, in SI units: {parsed[1]}"
+        return "write the number alone, in SI units" + (f": {parsed[1]}" if parsed[2] in _UNSCALED else "")
     if hasattr(value, "to_numpy") and "array" in hint.expected:
         return "pass its numbers, as by to_numpy()"
     return ""

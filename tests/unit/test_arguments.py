@@ -139,7 +139,7 @@ def test_a_path_in_place_of_an_object_says_how_to_read_it() -> None:
         interop.to_sdypy(examples.modal_model())  # type: ignore[arg-type]
 
 
-@given(some.floats(-1e6, 1e6), some.sampled_from(["Hz", "N", "%", ""]), some.sampled_from(["", " "]))
+@given(some.floats(-1e6, 1e6), some.sampled_from(["Hz", "N", "m/s", ""]), some.sampled_from(["", " "]))
 def test_a_text_in_place_of_a_number_is_answered_with_the_number(value: float, unit: str, space: str) -> None:
     text = f"{value!r}{space}{unit}"
     with pytest.raises(InputError) as refused:
@@ -147,6 +147,13 @@ def test_a_text_in_place_of_a_number_is_answered_with_the_number(value: float, u
     assert refused.value.where == "Excitation.level" and refused.value.expected == "a number"
     assert refused.value.got == repr(text)
     assert float(refused.value.advice.removeprefix("write the number alone, in SI units: ")) == value
+
+
+@pytest.mark.parametrize("text", ["2 %", "20 g", "5 kN", "10mm"])
+def test_a_number_in_another_unit_is_not_repeated_as_one_in_si(text: str) -> None:
+    with pytest.raises(InputError) as refused:
+        data.Excitation("hammer", level=text)  # type: ignore[arg-type]
+    assert refused.value.advice == "write the number alone, in SI units"
 
 
 def test_complex_numbers_are_not_made_real_in_silence() -> None:
