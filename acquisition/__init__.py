@@ -1,6 +1,6 @@
 """Files of other programs, units, matrices of finite elements, and measuring live."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "Contents": "acquisition.contents",

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
-from os import PathLike
 from pathlib import Path
 
 from acquisition import rig_file
@@ -14,12 +13,12 @@ from ema.data import Channel, Finding, Recording, Source
 from ema.errors import InputError
 
 
-def open_rig(rig: "str | PathLike[str] | RigFile") -> Source:
+def open_rig(rig: str | Path | RigFile) -> Source:
     """Open the hardware that a ``rig.toml`` describes, ready to take; close it afterwards.
 
     Parameters
     ----------
-    rig : str or PathLike or RigFile
+    rig : str or Path or RigFile
         The file, the folder that holds it, or what was read from it.
 
     Returns
@@ -55,13 +54,13 @@ def _all(record: Recording) -> tuple[Finding, ...]:
 
 @contextmanager
 def record(
-    folder: "str | PathLike[str]", source: Source | None = None, run: str = "run", judge: Judge = _all
+    folder: str | Path, source: Source | None = None, run: str = "run", judge: Judge = _all
 ) -> Iterator["Takes"]:
     """Measure a run into a folder with a ``rig.toml``; it becomes a campaign, and an interrupted run goes on.
 
     Parameters
     ----------
-    folder : str or PathLike
+    folder : str or Path
         Folder with the ``rig.toml``.
     source : Source, optional
         What delivers the records, a virtual rig for instance; the device of the ``rig.toml`` by default. It is closed

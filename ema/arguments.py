@@ -20,6 +20,7 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 
 from ema.errors import InputError
+from ema.units import SI_UNIT
 
 LONGEST = 60
 """Characters of a wrong value that an error shows."""
@@ -35,8 +36,10 @@ _READERS = {
 }
 """How a caller comes by an object of a type."""
 
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*\S*\s*")
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s:]*)\s*")
 """A number, and the unit behind it."""
+_UNSCALED = {"", "-", "Hz", "kg", "N/m", *SI_UNIT.values()}
+"""Units in which the number is that of SI; those of hundredths, of g or of kN are left to the caller."""
 
 _REAL = (int, float, np.integer, np.floating)
 _REAL_KINDS, _ALL_KINDS = "fiub", "cfiub"
@@ -100,6 +103,8 @@ def checked(target: Any, package: str, after: Callable[[Any], None] | None = Non
     ema.errors.InputError: ema.example.doubled, frequency: not what this argument takes;
     got '5 Hz', expected a number; write the number alone, in SI units: 5
     """
+    if isinstance(target, type) and issubclass(target, tuple):
+        return _named_tuple(target, package)
     if isinstance(target, type):
         for name, own in list(vars(target).items()):
             if name == "__init__" and isinstance(own, types.FunctionType):
@@ -114,6 +119,18 @@ def checked(target: Any, package: str, after: Callable[[Any], None] | None = Non
     guarded = _guarded(target, f"{package}.{target.__name__}")
     guarded.__module__ = package  # by which it is found again in another process
     return guarded
+
+
+def _named_tuple(target: Any, package: str) -> Any:
+    """A named tuple whose ``__new__`` is guarded."""
+    make = target.__new__
+
+    @functools.wraps(make)
+    def constructor(kind: type, /, *args: Any, **named: Any) -> Any:
+        return make(kind, *args, **named)
+
+    target.__new__ = staticmethod(_guarded(constructor, f"{package}.{target.__name__}"))
+    return target
 
 
 def _followed(constructor: Callable[..., None], after: Any) -> Any:
@@ -272,6 +289,10 @@ def hint_of(annotation: Any, *, shapes: bool = True) -> Hint | None:
         return _tuple(arguments, shapes)
     if origin in (collections.abc.Sequence, collections.abc.Iterable, collections.abc.Collection, list):
         return _sequence(hint_of(arguments[0], shapes=shapes))
+    if origin is PathLike:
+        return Hint("a path", lambda value: _where(isinstance(value, PathLike), value))
+    if origin is collections.abc.Callable:
+        return Hint("a function", lambda value: _where(callable(value), value))
     if annotation is None or (isinstance(annotation, type) and origin is None):
         return _PLAIN.get(annotation) or _class(annotation)
     return None
@@ -455,7 +476,7 @@ def _advice(value: Any, hint: Hint) -> str:
     if isinstance(value, str | PathLike) and hint.kinds:
         return "read what is stored in a file by ema.store.load(file)"
     if isinstance(value, str) and "number" in hint.expected and (parsed := _QUANTITY.fullmatch(value)):
-        return f"write the number alone, in SI units: {parsed[1]}"
+        return "write the number alone, in SI units" + (f": {parsed[1]}" if parsed[2] in _UNSCALED else "")
     if hasattr(value, "to_numpy") and "array" in hint.expected:
         return "pass its numbers, as by to_numpy()"
     return ""

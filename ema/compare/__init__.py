@@ -1,6 +1,6 @@
 """Measured against simulated, and what it says about the model."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "amplitude_draws": "ema.compare.predictive_draws",

@@ -1,6 +1,6 @@
 """Virtual structures and built-in campaigns, generated on first use into the folder named or the cache folder."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "cache_folder": "ema.datasets.folders",

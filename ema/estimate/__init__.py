@@ -1,6 +1,6 @@
 """From recordings to frequency response functions."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "Calibration": "ema.estimate.calibrate",

@@ -47,7 +47,7 @@ def integrated(
     Raises
     ------
     InputError
-        If ``high_pass`` is not positive, ``times`` is below 1, or ``rest`` is out of the signal.
+        If there are no samples, ``high_pass`` is not positive, ``times`` is below 1, or ``rest`` is out of the signal.
 
     Examples
     --------
@@ -56,7 +56,9 @@ def integrated(
     >>> round(float(velocity[1024:3072].max() * 2 * np.pi * 50.0), 2)
     1.0
     """
-    samples = signal.shape[-1]
+    samples = signal.shape[-1] if signal.ndim else 0
+    if not samples:
+        raise InputError("no samples to integrate", got=f"an array of shape {signal.shape}", expected="(..., sample)")
     if not high_pass > 0:
         raise InputError("the high-pass frequency must be positive", got=high_pass, expected="more than 0 Hz")
     if times < 1:

@@ -1,6 +1,6 @@
 """From FRFs to poles and modes, with their intervals."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "circle_fit": "ema.fit.nyquist",

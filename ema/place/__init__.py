@@ -1,6 +1,6 @@
 """Where a friction beam goes, and how hard to press it."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "Costs": "ema.place.trials",

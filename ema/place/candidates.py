@@ -60,12 +60,12 @@ def grid(
     >>> len(grid(surface, [FrictionBeam(0.2, 0.02, 0.01)], step=0.1, angles=[0.0]))
     20
     """
-    if not catalogue or not step > 0:
+    if not len(catalogue) or not len(angles) or not step > 0:
         raise InputError(
             "nothing to place",
             where="placement",
-            got=f"{len(catalogue)} beams, step {step} m",
-            expected="one or more beams and a positive step",
+            got=f"{len(catalogue)} beams, {len(angles)} angles, step {step} m",
+            expected="one or more beams, one or more angles and a positive step",
         )
     low, high = surface.extent[:, 0] + margin, surface.extent[:, 1] - margin
     if np.any(high < low):

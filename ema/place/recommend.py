@@ -57,7 +57,8 @@ def distribute(
     Raises
     ------
     InputError
-        If the sum is not positive, or the mode is no target of the task.
+        If the sum is not positive, there is no such candidate, the mode is no target of the task, or the model is not
+        to be evaluated.
 
     Examples
     --------
@@ -78,6 +79,10 @@ def distribute(
 
     if not (np.isfinite(total) and total > 0):
         raise InputError("not a sum of normal forces", where=f"place {place}", got=f"{total} N", expected="above 0 N")
+    if not 0 <= place < len(candidates):
+        raise InputError("there is no such candidate", got=place, expected=f"0 to {len(candidates) - 1}")
+    if evaluations < 1:
+        raise InputError("no evaluation of the model", where=f"place {place}", got=evaluations, expected="1 or more")
     chosen = task.modes[0] if mode is None else mode
     joints = candidates.catalogue[int(candidates.beams[place])].joints
     each = total / joints

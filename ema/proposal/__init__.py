@@ -1,6 +1,6 @@
 """What a folder of measurements holds, and the ``campaign.toml`` that says so."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "Proposal": "ema.proposal.proposal",

@@ -1,6 +1,6 @@
 """Results as reports in HTML, PDF and Word."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {"write": "ema.report.writing"}
 

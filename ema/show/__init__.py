@@ -1,6 +1,6 @@
 """Pictures of every data type; figures are returned, never shown or saved."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "amplitude_draws": "ema.show.forced",

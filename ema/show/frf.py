@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ema.data import FrfSet, ModalModel
 from ema.messages import text
+from ema.show.selection import check_frfs
 from ema.show.style import (
     BLACK,
     BLUE,
@@ -68,6 +69,9 @@ def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     """
     figure = new_figure(3.6)
     axes = figure.subplots()
+    if not frfs.values.size:
+        empty_note(axes, text("no FRF to draw"))
+        return figure
     magnitudes = np.abs(frfs.values).reshape(len(frfs.frequencies), -1)
     lines, highest = peaks(frfs.frequencies, magnitudes)
     count = magnitudes.shape[1]
@@ -229,7 +233,7 @@ def reconstruction(
     Raises
     ------
     InputError
-        If the two are not of one quantity in one unit.
+        If the two are not of one quantity in one unit, or have no FRF at a position.
 
     Examples
     --------
@@ -238,9 +242,11 @@ def reconstruction(
     2
     """
     one_quantity([measured, synthesised])
+    for frfs in (measured, synthesised):
+        check_frfs([frfs] * len(places), places)
     rows = max(1, -(-len(places) // 2))
     figure = new_figure(3.4 * rows)
-    if not places:
+    if not places or not len(synthesised.frequencies):
         empty_note(figure.subplots(), text("no FRF to draw"))
         return figure
     panels = figure.subplots(

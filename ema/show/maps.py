@@ -74,11 +74,13 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
     """Colours, and the values in the cells, or contour lines where there are many."""
     figure = new_figure(4.2, 7.0)
     axes = figure.subplots()
+    x, y = np.asarray(chart.normal_forces), np.asarray(chart.force_levels)
+    known_x, known_y = np.isfinite(x), np.isfinite(y)  # a condition of an unknown force lies nowhere
+    x, y, values = x[known_x], y[known_y], values[np.ix_(known_y, known_x)]
     holes = ~np.isfinite(values)
     if not values.size or holes.all():
         empty_note(axes, text("the map has no point"))
         return figure
-    x, y = np.asarray(chart.normal_forces), np.asarray(chart.force_levels)
     for axis, nominal in (("x", x), ("y", y)):
         if _geometric(nominal):
             getattr(axes, f"set_{axis}scale")("log")

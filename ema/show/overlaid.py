@@ -7,7 +7,9 @@ from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
 from ema.data import FrfSet
+from ema.errors import InputError
 from ema.messages import text
+from ema.show.selection import check_frfs
 from ema.show.style import SERIES, empty_note, frf_label, new_figure, one_quantity, styled
 
 _BARE = "#1a1a1a"
@@ -41,7 +43,8 @@ def frf_overlay(
     Raises
     ------
     InputError
-        If the FRFs are not of one quantity in one unit.
+        If the FRFs are not of one quantity in one unit, a set has no FRF at its position, or sets, positions and
+        labels differ in number.
 
     Examples
     --------
@@ -50,8 +53,15 @@ def frf_overlay(
     2
     """
     one_quantity(sets)
+    if not len(sets) == len(places) == len(labels):
+        raise InputError(
+            "states, FRFs and labels differ in number",
+            got=f"{len(sets)} sets, {len(places)} positions, {len(labels)} labels",
+            expected="one position and one label for each set",
+        )
+    check_frfs(sets, places)
     figure = new_figure(4.4)
-    if not sets:
+    if not sets or not all(len(one.frequencies) for one in sets):
         empty_note(figure.subplots(), text("no FRF to draw"))
         return figure
     low, high = band or (max(one.frequencies[0] for one in sets), min(one.frequencies[-1] for one in sets))

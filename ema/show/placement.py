@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ema.data.placement import ControlStudy, Place, Placement
 from ema.messages import text, word
+from ema.show.selection import check_positions
 from ema.show.style import BLACK, COLOUR_MAP, FAINT, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
 
@@ -153,13 +154,21 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
     Figure
         The figure.
 
+    Raises
+    ------
+    InputError
+        If no location has this rank.
+
     Examples
     --------
     >>> from ema.examples import placement
     >>> len(recommended_force(placement()).axes)
     2
     """
-    place = placement.best if rank == 1 else placement.ranking.places[rank - 1]
+    ranked = placement.ranking.places
+    if rank != 1:  # the first one has the forces that were recommended after the search
+        check_positions("rank", [rank], len(ranked), where="placement", first=1)
+    place = placement.best if rank == 1 else ranked[rank - 1]
     prediction = placement.ranking.prediction
     levels = np.asarray(prediction.force_levels)
     order = np.argsort(levels)

@@ -8,24 +8,39 @@ from matplotlib.figure import Figure
 from ema import data, shapes
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.show.amplitude import amplitude_modes, nonlinear_mode, stepped_levels
-from ema.show.compared import map_comparison, map_prediction
-from ema.show.forced import amplitude_draws, force_surface, forced_resonances, forced_responses
-from ema.show.forecast import forecast_bands
-from ema.show.frf import frf_overview
-from ema.show.impacts import hits
-from ema.show.intervals import contact_forces, mode_changes, parameters
-from ema.show.joint_law import joint_parameters
+from ema.show import (
+    amplitude_draws,
+    amplitude_modes,
+    contact_forces,
+    control_gain,
+    damping_curves,
+    force_surface,
+    forced_resonances,
+    forced_responses,
+    forecast_bands,
+    frf_overview,
+    geometry,
+    hits,
+    hysteresis,
+    joint_parameters,
+    mac_matrix,
+    map_comparison,
+    map_prediction,
+    mode_changes,
+    mode_shapes,
+    motion,
+    nonlinear_mode,
+    normal_force,
+    parameters,
+    placement_map,
+    ring_down,
+    shapes_over_dofs,
+    signals,
+    stabilisation,
+    steady_states,
+    stepped_levels,
+)
 from ema.show.joint_result import JointResult
-from ema.show.joints import normal_force
-from ema.show.maps import damping_curves
-from ema.show.matrices import mac_matrix
-from ema.show.placement import control_gain, placement_map
-from ema.show.points import geometry
-from ema.show.recorded import signals
-from ema.show.shapes import mode_shapes, shapes_over_dofs
-from ema.show.simulated import hysteresis, motion, ring_down, steady_states
-from ema.show.stability import stabilisation
 from ema.show.style import BLUE, new_figure, styled
 
 

@@ -12,6 +12,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from ema.data import Geometry
 from ema.dof import SCALAR, Dof
 from ema.errors import InputError
+from ema.show.selection import check_located
 from ema.show.shapes import _frame
 from ema.show.style import FAINT, GREY, styled
 
@@ -42,7 +43,7 @@ def geometry(
     Raises
     ------
     InputError
-        If the geometry has no points.
+        If the geometry has no points, or coordinates are not finite.
 
     Examples
     --------
@@ -54,6 +55,7 @@ def geometry(
     """
     if not len(geometry.nodes):
         raise InputError("a geometry without points cannot be drawn", where=geometry.name, expected="one node or more")
+    check_located(geometry)
     sides = np.ptp(geometry.xyz, axis=0)
     arrow = 0.12 * (float(sides.max()) or 1.0)
     figure = Figure(figsize=(9, 5))

@@ -10,6 +10,7 @@ from matplotlib.patches import Circle
 from ema.data import ModalModel
 from ema.messages import text
 from ema.shapes import quality
+from ema.show.selection import chosen_modes
 from ema.show.style import BLUE, FAINT, VERMILION, empty_note, new_figure, styled
 
 PER_FIGURE = 12
@@ -36,6 +37,11 @@ def complexity(model: ModalModel, modes: Sequence[int] | None = None) -> Figure:
     Figure
         The figure.
 
+    Raises
+    ------
+    InputError
+        If the model has no mode at a position.
+
     Examples
     --------
     >>> from ema.examples import modal_model
@@ -43,7 +49,7 @@ def complexity(model: ModalModel, modes: Sequence[int] | None = None) -> Figure:
     >>> len(figure.axes) > 0
     True
     """
-    chosen = range(min(PER_FIGURE, len(model.poles))) if modes is None else modes
+    chosen = chosen_modes(model, modes, PER_FIGURE)
     columns = 6
     rows = max(1, -(-len(chosen) // columns))
     figure = new_figure(1.95 * rows)

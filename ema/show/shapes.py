@@ -15,6 +15,7 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from ema.data import Geometry, ModalModel
 from ema.messages import text
 from ema.shapes import Expansion, expand, realise
+from ema.show.selection import check_located, chosen_modes
 from ema.show.style import (
     BLUE,
     COLOUR_MAP,
@@ -58,6 +59,11 @@ def mode_shapes(
     Figure
         The figure, with a note in it where there is no mode or no point.
 
+    Raises
+    ------
+    InputError
+        If the model has no mode at a position, or coordinates of the geometry are not finite.
+
     Examples
     --------
     >>> from ema.examples import geometry, modal_model
@@ -65,11 +71,12 @@ def mode_shapes(
     >>> len(figure.axes) > 0
     True
     """
-    chosen = list(range(min(PER_FIGURE, len(model.poles)))) if modes is None else list(modes)
+    chosen = chosen_modes(model, modes, PER_FIGURE)
     if not chosen or not len(geometry.nodes):
         figure = new_figure(1.5)
         empty_note(figure.subplots(), text("no mode, no shape") if not chosen else text("the geometry has no point"))
         return figure
+    check_located(geometry)
     expansion = expand(model, geometry, interpolate)
     along = _straight(geometry)
     if along is not None:
@@ -227,13 +234,18 @@ def shapes_over_dofs(model: ModalModel, modes: Sequence[int] | None = None) -> F
     Figure
         The figure, with a note in it where there is no mode.
 
+    Raises
+    ------
+    InputError
+        If the model has no mode at a position.
+
     Examples
     --------
     >>> from ema.examples import modal_model
     >>> len(shapes_over_dofs(modal_model(), modes=[0]).axes)
     1
     """
-    chosen = list(range(min(PER_FIGURE, len(model.poles)))) if modes is None else list(modes)
+    chosen = chosen_modes(model, modes, PER_FIGURE)
     columns = 2 if len(chosen) > 1 else 1
     rows = max(1, -(-len(chosen) // columns))
     figure = new_figure(1.5 * rows + 0.6)

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ema.data import ControlLine, CuttingLimits, Decay, HarmonicResponse, Loop, Response
+from ema.errors import InputError
 from ema.messages import text
 from ema.show.style import FAINT, GREY, SERIES, empty_note, new_figure, styled
 
@@ -92,6 +93,11 @@ def contact_loops(response: Response, most: int = 4) -> Figure:
     Figure
         The figure, with a note in it where there is no contact.
 
+    Raises
+    ------
+    InputError
+        If no contact is to be drawn.
+
     Examples
     --------
     >>> from ema.data import EnergyBalance, Response
@@ -111,6 +117,8 @@ def contact_loops(response: Response, most: int = 4) -> Figure:
         empty_note(figure.subplots(), text("no contact"))
         return figure
     loops, shares = figure.subplots(1, 2, width_ratios=[3, 2])
+    if most < 1:
+        raise InputError("no contact to draw", where=response.name, got=most, expected="1 or more")
     chosen = np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
     factor, unit = _scaled([np.asarray(response.slips[k]) for k in chosen], "m")
     for number, place in enumerate(chosen):
@@ -149,6 +157,11 @@ def steady_states(responses: Sequence[HarmonicResponse] | HarmonicResponse, labe
     -------
     Figure
         The figure, with a note in it where there is no steady state.
+
+    Raises
+    ------
+    InputError
+        If a set of steady states lacks their fundamental, order 1.
 
     Examples
     --------
@@ -189,6 +202,13 @@ def steady_states(responses: Sequence[HarmonicResponse] | HarmonicResponse, labe
 
 def _order(run: HarmonicResponse, order: int) -> np.ndarray:
     """Amplitudes of one harmonic of the first DOF."""
+    if order not in run.orders:
+        raise InputError(
+            "the response lacks a harmonic that is drawn",
+            where=run.name,
+            got=", ".join(map(str, run.orders)) or "no order",
+            expected=f"order {order} among them",
+        )
     return np.asarray(run.values[:, 0, list(run.orders).index(order)])
 
 

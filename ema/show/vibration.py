@@ -71,8 +71,12 @@ def free_vibration(
         )
     least = min(len(run.forces) for run in runs)
     numbers = list(dict.fromkeys([0, least // 2, least - 1])) if contacts is None else list(contacts)
-    if any(not 0 <= number < least for number in numbers):
-        raise InputError("no such contact", got=numbers, expected=f"numbers from 0 to {least - 1}")
+    if not numbers or any(not 0 <= number < least for number in numbers):
+        raise InputError(
+            "no such contact",
+            got=numbers,
+            expected=f"numbers from 0 to {least - 1}" if least else "runs with contacts",
+        )
     figure = new_figure(2.9 + 2.3 * len(runs))
     top, *rows = np.ravel(figure.subfigures(1 + len(runs), 1, height_ratios=[2.9, *[2.3] * len(runs)], squeeze=False))
     motion, energy = top.subplots(1, 2, width_ratios=[3, 2])

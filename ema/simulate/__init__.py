@@ -1,6 +1,6 @@
 """The friction-beam simulator and the virtual rig."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "Blow": "ema.simulate.inputs",

@@ -1,6 +1,6 @@
 """One recipe, the whole chain: campaign, FRFs, modes, shapes, findings, report."""
 
-from ema.lazy import attach
+from ema.public import attach
 
 _HOMES = {
     "Study": "ema.study.study",

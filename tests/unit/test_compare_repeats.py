@@ -187,7 +187,7 @@ def test_modes_whose_partner_is_not_certain_are_named_and_no_change_of_theirs():
     """Turned by 42 degrees, the MAC of the two with each of two others is 0.55 and 0.45."""
     bare = [veering(0.0, "", repeat) for repeat in (0.0, 0.02, 0.05)]
     beam = [veering(np.deg2rad(42), f"b{n}", repeat) for n, repeat in enumerate((3.0, 3.02, 3.05))]
-    found = compare.difference(compare.repeats(bare, "bare", "abc"), compare.repeats(beam, "1 kN"))
+    found = compare.difference(compare.repeats(bare, "bare", ["a", "b", "c"]), compare.repeats(beam, "1 kN"))
     assert found.pairs == ((2, 2),)
     named = [sentence for sentence in found.sentences if "resembles" in sentence]
     assert named == [

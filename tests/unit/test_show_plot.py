@@ -189,12 +189,14 @@ def test_what_is_no_data_type_is_refused_in_a_sentence(thing: Any) -> None:
 
 
 def test_a_wrong_argument_is_refused_in_our_words() -> None:
-    with pytest.raises(
-        InputError, match=r"ema.show.frf_overview: the argument 'frfs' .* got ModalModel, expected FrfSet"
-    ):
+    with pytest.raises(InputError, match=r"ema\.show\.frf_overview, frfs: .* got a ModalModel, expected FrfSet"):
         show.frf_overview(examples.modal_model())  # type: ignore[arg-type]
     with pytest.raises(InputError, match="expected Forecast or ForecastCheck"):
         show.forecast_bands("forecast.h5")  # type: ignore[arg-type]
+    with pytest.raises(
+        InputError, match=r"ema\.show\.shapes_over_dofs, modes: .* got 1 \(int\), expected a sequence of"
+    ):
+        show.plot(examples.modal_model(), modes=1)
 
 
 def test_two_quantities_share_no_axis() -> None:

@@ -179,7 +179,7 @@ except InputError as error:
 def test_a_load_in_words_is_repeated_as_it_stands():
     """In a process of its own: the types that the test run checks would be refused before."""
     done = subprocess.run([sys.executable, "-W", "error", "-c", _LOAD_IN_WORDS], capture_output=True, text=True)
-    assert "not a load; got '60 N', expected a finite force" in done.stdout, done.stderr
+    assert "load: not what this argument takes; got '60 N', expected a number" in done.stdout, done.stderr
 
 
 def test_a_load_beyond_small_displacements_is_a_finding():
