@@ -149,7 +149,7 @@ def judge(
         ),
     )
     reasons = [""] * len(fit.poles)
-    for pole in np.flatnonzero(possible):
+    for pole in np.flatnonzero(possible).tolist():
         reasons[pole] = next((reason(pole) for fails, reason in statements if fails[pole]), "")
     accepted = possible & np.array([not reason for reason in reasons], bool)
     # Poles that stand for the background or for a misfit are heavy too: these are no candidates.
@@ -157,7 +157,7 @@ def judge(
     heavy = ~possible & (damping > policy.heaviest) & visible & (energy[1] >= policy.large) & (explained >= 1)
     heavy &= (errors.damping <= policy.damping_uncertainty * damping) & (not optimum.misfit)
     heavy &= (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
-    for pole in np.flatnonzero(heavy):
+    for pole in np.flatnonzero(heavy).tolist():
         reasons[pole] = f"its damping ratio is above {policy.heaviest:.0%}, the limit for modes"
     return Verdict(possible, accepted, tuple(reasons), certain, group, energy, unresolved, narrow.tones, heavy)
 

@@ -14,7 +14,8 @@ and the transform of r(u) exp(p t) follows in closed form. An average over lines
 these (`ema.fit.smoothing` tells from the FRFs whether they are one).
 
 The difference is taken off the measured FRFs with the modes of a fit, which is repeated with Newton's steps until it
-converges (`Feedback`). The force has to be about flat over each resonance.
+converges (`Feedback`). Where the force is not flat over a resonance, and for H2 and Hv, the window acts otherwise than
+on H1: the intervals of these hold the values with and without the correction (`HannBlocks.known`).
 """
 
 from dataclasses import dataclass
@@ -59,6 +60,11 @@ singular, would go anywhere."""
 LARGEST = 0.5
 """Relative change of a size by Newton's step beyond its fit up to which it is taken: a safeguard. Beyond half of the
 size a linear step says nothing, and the fit is taken as it is."""
+LINEAR = ("H1", "Hc", "H1 less force noise")
+"""Estimators that are cross-spectra over the spectrum of what drives the test: under a flat one the window acts on the
+FRF alone. H2 and Hv contain the spectrum of the response, on which it acts otherwise."""
+NOT_FLAT = "force-not-flat"
+"""Code of the finding on FRFs whose force changes within the lines that a block averages."""
 SEEN = 2.0
 """Change of a damping ratio by the correction, in its standard deviations, from which on a finding names it: smaller
 ones lie within the 95 % interval. No value depends on it."""
@@ -66,9 +72,14 @@ ones lie within the 95 % interval. No value depends on it."""
 
 @dataclass(frozen=True)
 class HannBlocks:
-    """Averaged Hann blocks of stationary excitation, each ``duration`` [s] long."""
+    """Averaged Hann blocks of stationary excitation, each ``duration`` [s] long.
+
+    ``known`` says that they are H1, or H1 with what stands for it, under a force that is flat over the lines that a
+    block averages: only then is `resonance` what they show.
+    """
 
     duration: float
+    known: bool = True
 
     def resonance(
         self, s: Complex[np.ndarray, "freq one"], poles: Complex[np.ndarray, "mode"]
@@ -108,8 +119,9 @@ Broadening = HannBlocks | LineAverage
 
 def of(frfs: FrfSet) -> Broadening | None:
     """What has broadened the peaks of FRFs, where that is known of them or seen in them."""
-    if frfs.window == "hann" and frfs.record_length is not None and frfs.estimator == "H1":
-        return HannBlocks(frfs.record_length)
+    if frfs.window == "hann" and frfs.record_length is not None:
+        flat = not any(finding.code == NOT_FLAT for finding in frfs.findings)
+        return HannBlocks(frfs.record_length, known=flat and frfs.estimator in LINEAR)
     weights = smoothing.weights(frfs)
     return None if weights is None else LineAverage(weights, 2 * np.pi * frfs.frequency_step)
 

@@ -286,25 +286,34 @@ class Estimate:
             )
         return (
             Finding.of(
-                "info" if self.solution is None else "warning",
+                "info" if self.solution is None and not self.undecided else "warning",
                 "leakage",
                 where,
                 "Hann blocks of {record_length} s are short for this vibration: without a correction its damping ratio "
-                "would be wrong by {change}. What the blocks do to the peaks was taken off."
-                if self.solution is None
-                else "Hann blocks of {record_length} s are short for this vibration: without a correction its damping "
-                "ratio would be wrong by {change}. What the blocks do to the peaks was taken off. The correction did "
-                "not converge; the intervals were widened for it.",
+                "would be wrong by {change}. {outcome}",
                 float(change[worst]),
                 limit,
                 advice="Use longer blocks, or the local model of the estimation, which has no leakage.",
                 record_length=f"{self.band.record_length:.4g}",
                 change=relative,
+                outcome=self._outcome(),
             ),
         )
 
     def _outcome(self) -> str:
-        """What became of the correction of an average."""
+        """What became of the correction of broadened peaks."""
+        if isinstance(self.shown, broadening.HannBlocks):
+            if self.undecided:
+                return mark(
+                    "It was taken off as for H1 under a flat force, and the intervals hold both values: the force is "
+                    "not flat, or this is another estimator."
+                )
+            if self.solution is not None:
+                return mark(
+                    "What the blocks do to the peaks was taken off. The correction did not converge; the intervals "
+                    "were widened for it."
+                )
+            return mark("What the blocks do to the peaks was taken off.")
         if self.undecided:
             return mark(
                 "It was taken off, and the intervals hold both values: nothing tells whether the resonances were "
@@ -462,7 +471,7 @@ def _fitted(band: FrfSet, poles: PoleTable, progress: Progress, outputs: int | N
                 shown=shown,
                 uncorrected=history[0],
                 # Without the correction there is nothing but noise left either: both are possible.
-                undecided=_may_be_local(shown) and not first.optimum.misfit,
+                undecided=_unlike_a_flat_force(shown) or (_may_be_local(shown) and not first.optimum.misfit),
                 feedback=own,
             )
             return estimate if settled else replace(estimate, solution=step[0])
@@ -480,6 +489,11 @@ def _may_be_local(shown: broadening.Broadening) -> bool:
     Over three lines none does: a polynomial of second degree goes through all, one of first degree is their mean.
     """
     return isinstance(shown, broadening.LineAverage) and len(shown.weights) > 3
+
+
+def _unlike_a_flat_force(shown: broadening.Broadening) -> bool:
+    """Whether Hann blocks act on the peaks otherwise than under a flat force, by how much nobody knows."""
+    return isinstance(shown, broadening.HannBlocks) and not shown.known
 
 
 def _worse(now: Estimate, before: Estimate) -> bool:
