@@ -25,6 +25,8 @@ FOLDED = SteadyStateCurve(
     largest=np.array([0.9, 0.95, 1.0, 1.1, 1.0, 0.9]),
     verdicts=("stable", "stable", "undecided", "unstable", "undecided", "stable"),
     losses=("", "", "fold", "fold", "fold", ""),
+    error_estimate=np.full(6, 4e-3),
+    harmonics=np.array([5, 5, 7, 7, 7, 5]),
 )
 
 
