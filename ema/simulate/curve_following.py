@@ -1,9 +1,9 @@
 """Curves of steady states over frequency, followed along their arc with the harmonics that every point needs.
 
-Each point is solved a second time with half as many harmonics more, in the same plane across the curve; what that
-changes is its error. Where it is above the tolerance the wider solution is the point. Contacts that begin to stick or
-to part within the period bend the curve over a length far below any step: such a corner is passed where half a step
-leads the same way as the whole one does.
+Each point is solved a second time with half as many harmonics more and twice as many nodes, in the same plane across
+the curve; what that changes is its error. Where it is above the tolerance the wider solution is the point. Contacts
+that begin to stick or to part within the period bend the curve over a length far below any step: such a corner is
+passed where half a step leads the same way as the whole one does.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ema.simulate.continuation import Plane, Solution, bordered_newton
-from ema.simulate.harmonic import FINEST, LEAST_ERROR, QUADRATURE, SAFETY, Condensed, _Point, with_harmonics
+from ema.simulate.harmonic import FINEST, LEAST_ERROR, SAFETY, Condensed, _Point, with_harmonics
 from ema.simulate.turning_points import ForcedCurve, slope
 
 _FIRST, _LONGEST, _SHORTEST = 0.01, 0.05, 1e-6
@@ -110,32 +110,24 @@ class _Walk:
     def judged(
         self, found: Solution, reached: Float[np.ndarray, "coordinate"]
     ) -> tuple[Solution, Float[np.ndarray, "other"], float]:
-        """The point with the harmonics that the tolerance asks for, and its error.
+        """The point with the harmonics and nodes that the tolerance asks for, and its error.
 
-        The error is what half as many more harmonics change of the first one and of the frequency across the curve,
-        relative, times ``SAFETY``; 1 where they have no solution there.
+        The error is what half as many more harmonics and twice as many nodes change of the first harmonic and of the
+        frequency across the curve, relative, times ``SAFETY``; 1 where they have no solution there.
         """
         condensed = self.condensed
         while True:
-            count, raw = found.count, 1.0
+            count, fine, raw = found.count, condensed.fine, 1.0
+            condensed.fine = fine if condensed.exact else min(2 * fine, FINEST)
             more = count + max(6 if condensed.harmonics else 1, count // 2)
             wider = self.across(reached, self.resized(self.tangent, count), more)
             if wider is not None:
                 moved = abs(self.omega(wider[1]) / self.omega(reached) - 1)
                 raw = SAFETY * max(condensed._change(self.point(*wider), self.point(found, reached)), moved)
             if raw <= condensed.tolerance or wider is None or condensed.harmonics or count >= condensed.most_orders:
+                condensed.fine = fine
                 return found, reached, raw
             found, reached = wider
-
-    def quadrature(self, found: Solution, omega: float) -> float:
-        """Error of the quadrature of contact forces, relative; the next point has more nodes where it matters."""
-        condensed = self.condensed
-        if condensed.exact or not found.slips.any():
-            return 0.0
-        _, blur = condensed.refined(found.amplitudes, found.forces, found.lost, omega)
-        if blur > QUADRATURE and condensed.fine < FINEST:
-            condensed.fine *= 2
-        return blur
 
     def step_to(self, found: Solution, reached: Float[np.ndarray, "coordinate"]) -> None:
         """Go on from a solution ahead."""
@@ -143,9 +135,8 @@ class _Walk:
         self.tangent = way / np.linalg.norm(way)
         found, reached, raw = self.judged(found, reached)
         error = max(raw, LEAST_ERROR * self.condensed.tolerance) if found.slips.any() else 0.0
-        blur = self.quadrature(found, self.omega(reached))
         self.points.append(reached)
-        self.errors.append(min(max(error, SAFETY * blur), 1.0))
+        self.errors.append(min(error, 1.0))
         self.go_on(reached)
         if raw < _SPARE * self.condensed.tolerance and not self.condensed.harmonics:
             self.narrowed(self.point(found, reached))
@@ -157,13 +148,16 @@ class _Walk:
         self.tangent /= np.linalg.norm(self.tangent)
 
     def narrowed(self, point: _Point) -> None:
-        """Go on with fewer harmonics, where the point with these is close by."""
-        fewer = max(_FEWEST, int(_FEWER * point.count))
-        narrow = self.across(self.place, self.tangent, fewer) if fewer < point.count else None
-        if (
-            narrow is not None
-            and SAFETY * self.condensed._change(point, self.point(*narrow)) < self.condensed.tolerance
-        ):
+        """Go on with fewer harmonics and nodes, where the point with these is close by."""
+        condensed, fine = self.condensed, self.condensed.fine
+        fewer = min(point.count, max(_FEWEST, int(_FEWER * point.count)))
+        condensed.fine = max(1, fine // 2)
+        if (fewer, condensed.fine) == (point.count, fine):
+            return
+        narrow = self.across(self.place, self.tangent, fewer)
+        if narrow is None or SAFETY * condensed._change(point, self.point(*narrow)) > condensed.tolerance:
+            condensed.fine = fine
+        else:
             self.go_on(narrow[1])
 
     def widened(self) -> bool:

@@ -20,6 +20,8 @@ from ema.simulate.steady_states import HarmonicBalance
 
 _SAMPLED = 24
 """Points of a curve whose multipliers are computed at first, besides those at its folds."""
+_BEGUN = (0.0, 1.0, 0.5)
+"""Shares of the band at which the first curve is begun, the next one where there is no state with an error below 1."""
 _SAME = 0.05
 """Distance of the motion from a curve, relative, within which it lies on it between two of its points."""
 
@@ -40,8 +42,11 @@ def frf_curves(
 ) -> tuple[SteadyStateCurve, ...]:
     """Follow the curves of steady states over frequency through their folds, with the stability along them.
 
-    The first curve begins at the lower edge of the band. At ``searched`` frequencies coexisting states are searched;
-    each that lies on no curve that is known begins another one. Curves that no search came to are missing.
+    The first curve begins at the lower edge of the band, or at a frequency within where no state is reached there. At
+    ``searched`` frequencies coexisting states are searched; each that lies on no curve that is known begins another
+    one. Curves that no search came to are missing. Every point is solved with the harmonics that the tolerance asks
+    for. The budget of a curve is twenty times that of the search at one frequency; where it ends, or no further point
+    is reached, ``ends`` and ``reasons`` of the curve say so, and its last point says where.
 
     Parameters
     ----------
@@ -73,7 +78,7 @@ def frf_curves(
     Returns
     -------
     tuple of SteadyStateCurve
-        The curve from the lower edge first.
+        The curve from the lower edge first; none where no state was reached.
 
     Raises
     ------
@@ -93,10 +98,7 @@ def frf_curves(
     whole(model.name, searched=searched, starts=starts)
     condensed = condensed_model(model, force, at, outputs, chosen)
     edges = 2 * np.pi * band[0], 2 * np.pi * band[1]
-    curves: list[Followed] = []
-    begun = condensed.solve(band[0])
-    if begun is not None:
-        curves.append(follow(condensed, begun, edges, 1.0))
+    curves = _first(condensed, band, edges)
     for number, frequency in enumerate(np.linspace(*band, searched + 2)[1:-1]):
         advance(progress, "frequencies searched", number, searched)
         search, _, _ = search_at(condensed, float(frequency), (starts, seed + number, 10.0))
@@ -132,6 +134,15 @@ def _on(search: Search, curve: Followed, point: _Point) -> bool:
         if again is not None and search.condensed._change(again, point) < DISTINCT:
             return True
     return False
+
+
+def _first(condensed: Condensed, band: tuple[float, float], edges: tuple[float, float]) -> list[Followed]:
+    """The curve from the lower edge, or through the first frequency that shows a state, if there is any."""
+    for share in _BEGUN:
+        point = condensed.solve(band[0] + share * (band[1] - band[0]))
+        if point is not None and point.error < 1.0:
+            return [_curve(condensed, point, edges) if share else follow(condensed, point, edges, 1.0)]
+    return []
 
 
 def _curve(condensed: Condensed, point: _Point, edges: tuple[float, float]) -> Followed:
