@@ -6,10 +6,12 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from ema import data, shapes
+from ema.data.stability import SteadyStateCurve
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.show.amplitude import amplitude_modes, nonlinear_mode, stepped_levels
 from ema.show.compared import map_comparison, map_prediction
+from ema.show.folded_curves import steady_state_curves
 from ema.show.forced import amplitude_draws, force_surface, forced_resonances, forced_responses
 from ema.show.forecast import forecast_bands
 from ema.show.frf import frf_overview
@@ -36,8 +38,8 @@ def plot(thing: Any, **options: Any) -> Figure:
     ----------
     thing : object
         One of the data types of ``ema.data`` that hold curves, points or intervals, a comparison of ``ema.shapes``, or
-        a sequence of one type where its picture takes several (responses, loops, ring-downs, stepped levels, modes
-        over the amplitude).
+        a sequence of one type where its picture takes several (responses, curves of steady states, loops, ring-downs,
+        stepped levels, modes over the amplitude).
     **options
         Keyword arguments of the picture that is chosen, such as ``modes=[0, 2]``; for a ``ModalModel``,
         ``geometry=points`` draws its shapes in space.
@@ -217,6 +219,7 @@ PICTURES: dict[type, Callable[..., Figure]] = {
     data.Run: _run,
     data.RunResult: lambda result, **options: frf_overview(result.frfs, result.modes, **options),
     data.SetUpShifts: mode_changes,
+    SteadyStateCurve: lambda curve, **options: steady_state_curves([curve], **options),
     data.SteppedLevel: stepped_levels,
     data.StudyResult: _study,
     shapes.Comparison: _shape_comparison,
@@ -230,6 +233,7 @@ SEVERAL: dict[type, Callable[..., Figure]] = {
     data.HarmonicResponse: steady_states,
     data.Loop: hysteresis,
     data.Response: motion,
+    SteadyStateCurve: steady_state_curves,
     data.SteppedLevel: stepped_levels,
 }
 """The pictures that take several of a type."""

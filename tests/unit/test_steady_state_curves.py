@@ -1,6 +1,6 @@
 """Curves of steady states as a table, a picture and a container show them."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +8,14 @@ import pytest
 
 import acquisition
 from acquisition.model_file import FrfTable
-from ema import show, simulate
+from ema import show, simulate, store
 from ema.cli.simulation_job import Job
 from ema.cli.steady_state_curves import with_curves
 from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.data.stability import SteadyStateCurve
 from ema.dof import Dof
 from ema.examples import beam_model
+from ema.interop import to_dataframe
 from ema.progress import silent
 from ema.simulate import curve_following
 
@@ -60,6 +61,20 @@ def test_a_job_has_a_row_for_every_stretch_and_says_what_it_cannot(job):
     assert row["stability"] == "stable" and row["loss"] == "" and 0.9 < row["largest multiplier"] < 1
     assert row["curve"] == 1 and not row["detached"]
     assert "there may be others" in job.statement and "stability" in job.pictures
+
+
+def test_the_curves_of_a_job_are_stored_tabulated_and_drawn(job, tmp_path):
+    store.save(tmp_path / "frf.h5", job.contents)
+    loaded = store.load(tmp_path / "frf.h5")
+    (name,) = loaded
+    curve, before = loaded[name], job.contents[name]
+    assert name == "curve 1, 1 N, F_N 100 N" and isinstance(curve, SteadyStateCurve)
+    for field in fields(curve):
+        np.testing.assert_array_equal(getattr(curve, field.name), getattr(before, field.name))
+    table = to_dataframe(curve)
+    np.testing.assert_array_equal(table["1:+X [m]"], curve.values[:, 0])
+    assert table.attrs["units"]["frequency [Hz]"] == "Hz" and set(table["stability"]) == {"stable"}
+    assert len(show.plot(curve).axes) == len(show.plot([curve, FOLDED]).axes) == 1
 
 
 TIP = "beam 2:20:+Z"
