@@ -48,8 +48,10 @@ _REMEMBERED = 1e-3
 """Change of all forces, relative, that a law without loss keeps along the same motion for a period."""
 _KEPT = 1e-6
 """Row of the monodromy over that of a spring that keeps its force: the error of the derivative."""
-_SAFETY = 2.0
-"""Factor on what half as long steps change: twice the rest of a sequence that errs by their length."""
+_SAFETY, _BETWEEN = 2.0, (0.75, 6.0)
+"""Factor on what half as long steps change, and the steps in between with theirs: twice the rest of a sequence that errs
+by their length. Where contacts turn within a step the rest depends on where the step lies: two numbers of steps may
+agree by chance, three hardly do."""
 _LEAST_ERROR = 1e-6
 """Error that is stated at least: that of the differences."""
 _SAME, _FARTHEST = 3.0, 0.05
@@ -450,31 +452,34 @@ def _again(condensed: Condensed, response: HarmonicResponse, row: int, before: _
 def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
     """Floquet multipliers of a harmonic solution, with as many steps of the period as the verdict asks for.
 
-    Every multiplier has as its error twice what half as many steps change, and what differences forward and backward
-    differ by.
+    Every multiplier has as its error twice what half as many steps change, or six times what three quarters of them
+    change where that is more, and what differences forward and backward differ by.
     """
-    steps, begun, before = _STEPS, None, None
+    steps, begun = _STEPS, None
     result = _open("the time solver has no periodic motion near the harmonic solution")
+    known: dict[int, np.ndarray] = {}
     while steps <= _MOST_STEPS:
-        period = PeriodMap(condensed, point, steps)
-        coordinates = period.start if begun is None else begun
-        size, moved = period.extent(coordinates)
-        closed = _periodic(period, coordinates, period.nudges(size, moved), size)
-        steps *= 2
-        if closed is None:
-            begun, before = None, None
-            continue
-        begun, sticking = closed.begun, ~closed.free
-        families = period.families(begun, sticking)
-        values, *others = closed.leading(families)
-        if before is not None:
-            errors = _SAFETY * _matched(values, before) + _LEAST_ERROR
+        for count in (int(_BETWEEN[0] * steps), steps) if steps > _STEPS else (steps,):
+            period = PeriodMap(condensed, point, count)
+            coordinates = period.start if begun is None else begun
+            size, moved = period.extent(coordinates)
+            closed = _periodic(period, coordinates, period.nudges(size, moved), size)
+            if closed is None:
+                begun = None
+                continue
+            begun, sticking = closed.begun, ~closed.free
+            families = period.families(begun, sticking)
+            values, *others = closed.leading(families)
+            known[count] = values
+        references = [(_SAFETY, known.get(steps // 2)), (_BETWEEN[1], known.get(int(_BETWEEN[0] * steps)))]
+        if steps in known and all(values_there is not None for _, values_there in references):
+            errors = np.max([factor * _matched(values, there) for factor, there in references], axis=0) + _LEAST_ERROR
             errors += np.maximum(*(_matched(values, other) for other in others))
             result = _result(condensed, point, period, (begun, values, errors, int(sticking.sum()) + families))
             margin = np.maximum(_ACCURATE, _OF_MARGIN * np.abs(np.abs(values) - 1.0))
             if np.all(errors <= margin) and result.verdict != UNDECIDED:
                 break
-        before = values
+        steps *= 2
     return result
 
 
