@@ -50,7 +50,7 @@ class Followed:
     def near(self, omega: float) -> Iterator[Float[np.ndarray, "contact size"]]:
         """Amplitudes where the curve passes a frequency, linear between its points."""
         away = self.omegas - omega
-        for n in np.flatnonzero(away[1:] * away[:-1] <= 0):
+        for n in map(int, np.flatnonzero(away[1:] * away[:-1] <= 0)):
             way = away[n] - away[n + 1]
             share = away[n] / way if way else 0.0
             count = max(part.shape[1] // 2 for part in self.amplitudes[n : n + 2])
