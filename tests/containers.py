@@ -12,6 +12,7 @@ import numpy as np
 
 from ema import data
 from ema.dof import Dof
+from ema.store.steady_states import STEADY_STATES
 
 LENGTHS = {"freq": 5, "sample": 6, "n": 3, "value": 4, "dof": 3}
 """Lengths of the axes of arrays; all others have 2."""
@@ -124,6 +125,7 @@ GIVEN: dict[str, Drawn] = {
     "NonlinearMode": {"dofs": _dofs(3)},
     "PoleTable": {"letter": lambda _: np.array(["o", "s"])},
     "Response": {"dofs": _dofs(3), "slip_time": _shares(2)},
+    "SteadyState": {"orders": lambda _: np.array([1, 3])},
     "SetUps": {"number": lambda _: np.array([[0, 1], [1, 0]])},
 }
 """Fields whose values the types do not say."""
@@ -131,7 +133,7 @@ GIVEN: dict[str, Drawn] = {
 
 def kinds() -> dict[str, type]:
     """Every container by its name."""
-    public = {name: getattr(data, name) for name in data.__all__}
+    public = {name: getattr(data, name) for name in data.__all__} | STEADY_STATES
     return {"Dof": Dof} | {
         name: kind for name, kind in public.items() if isinstance(kind, type) and dataclasses.is_dataclass(kind)
     }

@@ -38,7 +38,8 @@ def with_curves(
     Returns
     -------
     Job
-        The same with a picture, a row for every stretch of one verdict, and what the search can say.
+        The same with the curves for the store, a picture, a row for every stretch of one verdict, and what the search
+        can say.
     """
     settings = simulate.HarmonicBalance(table.tolerance)
     outputs = table.outputs or [table.at]
@@ -50,8 +51,10 @@ def with_curves(
             band = float(table.band[0]), float(table.band[1])
             followed = simulate.frf_curves(model, band, level, table.at, outputs, settings, progress=progress)
             for number, curve in enumerate(followed, start=1):
+                label = f"{level:g} N, F_N {pressed}"
                 curves.append(curve)
-                labels.append(f"{level:g} N, F_N {pressed}")
+                labels.append(label)
+                job.contents[f"curve {number}, {label}"] = curve
                 rows += [{"F_E [N]": float(level), "F_N": pressed, "curve": number, **row} for row in _stretches(curve)]
     job.more["stability"] = rows
     job.pictures["stability"] = show.steady_state_curves(curves, labels)
@@ -69,6 +72,7 @@ def _stretches(curve: SteadyStateCurve) -> list[dict[str, Any]]:
         rows.append(
             {
                 "ends": " to ".join(curve.ends),
+                "lost because": " and ".join(reason for reason in curve.reasons if reason),
                 "detached": curve.detached,
                 "from [Hz]": float(curve.frequencies[first]),
                 "to [Hz]": float(curve.frequencies[end - 1]),

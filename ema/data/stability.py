@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 from ema.data._arrays import check_axes, freeze
 from ema.data._summary import Container
@@ -210,9 +210,15 @@ class SteadyStateCurve(Container):
         ``stable``, ``unstable`` or ``undecided`` for every point.
     losses : tuple of str
         Kind of the loss of stability of every point, empty where it is not known to be unstable.
+    error_estimate : array of shape (point,)
+        Estimated error of every point [-]: of the first harmonic and of the frequency, across the curve, relative.
+    harmonics : integer array of shape (point,)
+        Highest harmonic that was kept.
     ends : tuple of (str, str), default ("edge", "edge")
         Where the curve begins and ends: ``edge`` of the band, ``closed`` where it returned to its first point, ``lost``
         where it could not be followed any farther.
+    reasons : tuple of (str, str), default ("", "")
+        Why it could not, at either end.
     detached : bool, default False
         Whether it began at a state of a search that lay on no curve known by then, and neither it nor the first curve
         was lost on the way: they may be parts of one.
@@ -223,7 +229,8 @@ class SteadyStateCurve(Container):
     --------
     >>> curve = SteadyStateCurve(
     ...     frequencies=[40.0, 41.0, 40.5], values=[[1e-4], [2e-4], [3e-4]], dofs=(Dof(1, "+X"),), force=1.0,
-    ...     largest=[0.9, 1.0, 1.1], verdicts=("stable", "undecided", "unstable"), losses=("", "fold", "fold"),
+    ...     largest=[0.9, 1.0, 1.1], verdicts=("stable", "undecided", "unstable"), losses=("", "", "fold"),
+    ...     error_estimate=[4e-3, 4e-3, 4e-3], harmonics=[5, 7, 7],
     ... )
     >>> curve.folds
     array([41.])
@@ -236,12 +243,22 @@ class SteadyStateCurve(Container):
     largest: Float[np.ndarray, "point"]
     verdicts: tuple[str, ...]
     losses: tuple[str, ...]
+    error_estimate: Float[np.ndarray, "point"]
+    harmonics: Int[np.ndarray, "point"]
     ends: tuple[str, str] = ("edge", "edge")
+    reasons: tuple[str, str] = ("", "")
     detached: bool = False
     name: str = ""
 
     def __post_init__(self) -> None:
-        freeze(self, frequencies=np.float64, values=np.complex128, largest=np.float64)
+        freeze(
+            self,
+            frequencies=np.float64,
+            values=np.complex128,
+            largest=np.float64,
+            error_estimate=np.float64,
+            harmonics=np.int64,
+        )
         check_axes(self)
 
     @property

@@ -33,6 +33,7 @@ from ema.data import (
     SteppedLevel,
     StudyResult,
 )
+from ema.data.stability import CoexistingStates, SteadyStateCurve
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.units import SI_UNIT
@@ -155,6 +156,33 @@ def _(study: StudyResult) -> Any:
 
     tables = {result.run.id: result.modes.table() for result in study.runs}
     return pd.concat(tables, names=["run"]) if tables else pd.DataFrame(columns=["f [Hz]", "zeta [%]"])
+
+
+@_converted.register
+def _(curve: SteadyStateCurve) -> Any:
+    columns: Columns = {"frequency [Hz]": curve.frequencies}
+    columns |= {f"{dof} [{_length(dof)}]": curve.values[:, n] for n, dof in enumerate(curve.dofs)}
+    about = {"error estimate": curve.error_estimate, "highest harmonic": curve.harmonics}
+    verdicts = {"stability": list(curve.verdicts), "loss": list(curve.losses), "largest multiplier": curve.largest}
+    return _frame(columns | about | verdicts)
+
+
+@_converted.register
+def _(found: CoexistingStates) -> Any:
+    columns: Columns = {"frequency [Hz]": [state.frequency for state in found.states]}
+    columns |= {
+        f"{dof} [{_length(dof)}]": [state.first[n] for state in found.states] for n, dof in enumerate(found.dofs)
+    }
+    verdicts = [state.stability for state in found.states]
+    return _frame(
+        columns
+        | {
+            "error estimate": [state.error_estimate for state in found.states],
+            "stability": [one.verdict for one in verdicts],
+            "loss": [one.loss for one in verdicts],
+            "largest multiplier": [one.largest for one in verdicts],
+        }
+    )
 
 
 @_converted.register

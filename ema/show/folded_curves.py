@@ -37,7 +37,8 @@ def steady_state_curves(curves: Sequence[SteadyStateCurve], labels: Sequence[str
     >>> from ema.dof import Dof
     >>> curve = SteadyStateCurve(
     ...     frequencies=[40.0, 41.0, 40.5], values=[[1e-4], [2e-4], [3e-4]], dofs=(Dof(1, "+X"),), force=1.0,
-    ...     largest=[0.9, 1.0, 1.1], verdicts=("stable", "undecided", "unstable"), losses=("", "fold", "fold"),
+    ...     largest=[0.9, 1.0, 1.1], verdicts=("stable", "undecided", "unstable"), losses=("", "", "fold"),
+    ...     error_estimate=[4e-3, 4e-3, 4e-3], harmonics=[5, 7, 7],
     ... )
     >>> len(steady_state_curves([curve]).axes[0].lines)
     2

@@ -6,6 +6,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from ema import data, shapes
+from ema.data.stability import SteadyStateCurve
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.show import (
@@ -37,6 +38,7 @@ from ema.show import (
     shapes_over_dofs,
     signals,
     stabilisation,
+    steady_state_curves,
     steady_states,
     stepped_levels,
 )
@@ -51,8 +53,8 @@ def plot(thing: Any, **options: Any) -> Figure:
     ----------
     thing : object
         One of the data types of ``ema.data`` that hold curves, points or intervals, a comparison of ``ema.shapes``, or
-        a sequence of one type where its picture takes several (responses, loops, ring-downs, stepped levels, modes
-        over the amplitude).
+        a sequence of one type where its picture takes several (responses, curves of steady states, loops, ring-downs,
+        stepped levels, modes over the amplitude).
     **options
         Keyword arguments of the picture that is chosen, such as ``modes=[0, 2]``; for a ``ModalModel``,
         ``geometry=points`` draws its shapes in space.
@@ -232,6 +234,7 @@ PICTURES: dict[type, Callable[..., Figure]] = {
     data.Run: _run,
     data.RunResult: lambda result, **options: frf_overview(result.frfs, result.modes, **options),
     data.SetUpShifts: mode_changes,
+    SteadyStateCurve: lambda curve, **options: steady_state_curves([curve], **options),
     data.SteppedLevel: stepped_levels,
     data.StudyResult: _study,
     shapes.Comparison: _shape_comparison,
@@ -245,6 +248,7 @@ SEVERAL: dict[type, Callable[..., Figure]] = {
     data.HarmonicResponse: steady_states,
     data.Loop: hysteresis,
     data.Response: motion,
+    SteadyStateCurve: steady_state_curves,
     data.SteppedLevel: stepped_levels,
 }
 """The pictures that take several of a type."""

@@ -47,7 +47,7 @@ _HOMES = {
     "double_beam": "ema.elements",
     "floquet_multipliers": "ema.simulate.stability",
     "frf": "ema.simulate.steady_states",
-    "frf_curves": "ema.simulate.coexistence",
+    "frf_curves": "ema.simulate.steady_state_curves",
     "frf_up_and_down": "ema.simulate.branches",
     "hammer_pulse": "ema.simulate.waveforms",
     "identify": "ema.simulate.identification",

@@ -9,7 +9,6 @@ from ema.elements import double_beam as double_beam
 from ema.elements import plate_matrices as plate_matrices
 from ema.simulate.branches import frf_up_and_down as frf_up_and_down
 from ema.simulate.coexistence import coexisting_states as coexisting_states
-from ema.simulate.coexistence import frf_curves as frf_curves
 from ema.simulate.contact import ContactCurve as ContactCurve
 from ema.simulate.contact import PowerContact as PowerContact
 from ema.simulate.contact import RoughNormalContact as RoughNormalContact
@@ -51,6 +50,7 @@ from ema.simulate.maps import resonances as resonances
 from ema.simulate.nonlinear_modes import backbone as backbone
 from ema.simulate.rig import RingCell as RingCell
 from ema.simulate.stability import floquet_multipliers as floquet_multipliers
+from ema.simulate.steady_state_curves import frf_curves as frf_curves
 from ema.simulate.steady_states import HarmonicBalance as HarmonicBalance
 from ema.simulate.steady_states import frf as frf
 from ema.simulate.structure import assemble as assemble

@@ -48,8 +48,10 @@ _REMEMBERED = 1e-3
 """Change of all forces, relative, that a law without loss keeps along the same motion for a period."""
 _KEPT = 1e-6
 """Row of the monodromy over that of a spring that keeps its force: the error of the derivative."""
-_SAFETY = 2.0
-"""Factor on what half as long steps change: twice the rest of a sequence that errs by their length."""
+_SAFETY, _BETWEEN = 2.0, (0.75, 6.0)
+"""Factor on what half as long steps change, and the share of steps in between with theirs: twice the rest of a sequence
+that errs by their length. Where contacts turn within a step the rest depends on where the step lies: two numbers of
+steps may agree by chance, three hardly do."""
 _LEAST_ERROR = 1e-6
 """Error that is stated at least: that of the differences."""
 _SAME, _FARTHEST = 3.0, 0.05
@@ -447,34 +449,54 @@ def _again(condensed: Condensed, response: HarmonicResponse, row: int, before: _
     return None
 
 
+@dataclass(frozen=True)
+class _Closed:
+    """A periodic motion of a period map: its multipliers, by differences both ways, ahead and back."""
+
+    period: PeriodMap
+    begun: np.ndarray
+    values: np.ndarray
+    others: tuple[np.ndarray, ...]
+    sticking: int
+
+
+def _closed(condensed: Condensed, point: _Point, steps: int, begun: np.ndarray | None) -> _Closed | None:
+    """The motion that closes over so many steps, from ``begun`` or the harmonic solution, where there is one."""
+    period = PeriodMap(condensed, point, steps)
+    coordinates = period.start if begun is None else begun
+    size, moved = period.extent(coordinates)
+    motion = _periodic(period, coordinates, period.nudges(size, moved), size)
+    if motion is None:
+        return None
+    families = period.families(motion.begun, ~motion.free)
+    values, *others = motion.leading(families)
+    return _Closed(period, motion.begun, values, tuple(others), int((~motion.free).sum()) + families)
+
+
 def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
     """Floquet multipliers of a harmonic solution, with as many steps of the period as the verdict asks for.
 
-    Every multiplier has as its error twice what half as many steps change, and what differences forward and backward
-    differ by.
+    Every multiplier has as its error twice what half as many steps change, or six times what three quarters of them
+    change where that is more, and what differences forward and backward differ by.
     """
-    steps, begun, before = _STEPS, None, None
+    steps, last = _STEPS, None
     result = _open("the time solver has no periodic motion near the harmonic solution")
+    known: dict[int, _Closed | None] = {}
     while steps <= _MOST_STEPS:
-        period = PeriodMap(condensed, point, steps)
-        coordinates = period.start if begun is None else begun
-        size, moved = period.extent(coordinates)
-        closed = _periodic(period, coordinates, period.nudges(size, moved), size)
-        steps *= 2
-        if closed is None:
-            begun, before = None, None
-            continue
-        begun, sticking = closed.begun, ~closed.free
-        families = period.families(begun, sticking)
-        values, *others = closed.leading(families)
-        if before is not None:
-            errors = _SAFETY * _matched(values, before) + _LEAST_ERROR
-            errors += np.maximum(*(_matched(values, other) for other in others))
-            result = _result(condensed, point, period, (begun, values, errors, int(sticking.sum()) + families))
+        between = int(_BETWEEN[0] * steps)
+        for count in (between, steps) if steps > _STEPS else (steps,):
+            last = known[count] = _closed(condensed, point, count, None if last is None else last.begun)
+        half, middle = known.get(steps // 2), known.get(between)
+        if last is not None and half is not None and middle is not None:
+            values = last.values
+            changes = _SAFETY * _matched(values, half.values), _BETWEEN[1] * _matched(values, middle.values)
+            errors = np.maximum(*changes) + _LEAST_ERROR
+            errors += np.maximum(*(_matched(values, other) for other in last.others))
+            result = _result(condensed, point, last.period, (last.begun, values, errors, last.sticking))
             margin = np.maximum(_ACCURATE, _OF_MARGIN * np.abs(np.abs(values) - 1.0))
             if np.all(errors <= margin) and result.verdict != UNDECIDED:
                 break
-        before = values
+        steps *= 2
     return result
 
 

@@ -7,6 +7,7 @@ any file atomically.
 
 from ema.arguments import checked_names
 from ema.lazy import attach
+from ema.store import steady_states as _steady_states  # noqa: F401
 
 _HOMES = {
     "Writer": "ema.store.writing",

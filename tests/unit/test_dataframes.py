@@ -18,10 +18,20 @@ from tests.containers import one_of_each
 WITHOUT_TABLE = {
     *("Dof", "AmplitudeDraws", "Band", "BeamModel", "BoltedJoint", "Candidate", "Candidates", "Channel", "Condition"),
     *("ContactPressure", "ControlLine", "CuttingLimits", "Damping", "Deviations", "EnergyBalance", "Excitation"),
-    *("Expectation", "Finding", "FrictionBeam", "FrictionLaw", "Hit", "HitGallery", "Joint", "JointForce"),
+    *(
+        "Expectation",
+        "Finding",
+        "FloquetMultipliers",
+        "FrictionBeam",
+        "FrictionLaw",
+        "Hit",
+        "HitGallery",
+        "Joint",
+        "JointForce",
+    ),
     *("LawParameter", "LevelEffect", "Matrices", "ModalUncertainty", "ModeQuality", "NormalContact", "Place"),
     *("Prediction", "Provenance", "Repair", "Residuals", "Run", "SetUpShifts", "SetUps", "SignalComparison"),
-    *("SingleMode", "Statement", "TakeIdentity", "Trial", "VarianceComponents", "Verdict"),
+    *("SingleMode", "Statement", "SteadyState", "TakeIdentity", "Trial", "VarianceComponents", "Verdict"),
 }
 """Parts of other containers, and those that are no table."""
 

@@ -9,24 +9,26 @@ import pytest
 from matplotlib.figure import Figure
 
 from ema import compare, data, examples, shapes, show
+from ema.data.stability import SteadyStateCurve
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.show import joint_result as joint_result_data
 from ema.show.plotting import PICTURES
+from ema.store.steady_states import STEADY_STATES
 from ema.units import FRF_UNIT
 
 PARTS_AND_TEXTS = (
-    "Band BeamModel BoltedJoint Candidate Candidates Channel ControlLine CuttingLimits Damping Deviations EnergyBalance Excitation "
-    "Expectation Finding FrictionBeam FrictionLaw Hit Joint JointForce "
+    "Band BeamModel BoltedJoint Candidate Candidates Channel CoexistingStates ControlLine CuttingLimits Damping Deviations EnergyBalance Excitation "
+    "Expectation Finding FloquetMultipliers FrictionBeam FrictionLaw Hit Joint JointForce "
     "LawParameter LevelEffect Matrices "
     "ModalUncertainty ModeQuality NormalContact Place Prediction Provenance Repair Residuals SetUps SignalComparison "
-    "SingleMode Statement TakeIdentity Trial Trials VarianceComponents Verdict"
+    "SingleMode Statement SteadyState TakeIdentity Trial Trials VarianceComponents Verdict"
 )
 """What is drawn as part of something larger, or holds words, settings and single numbers."""
 
 
 def test_every_data_type_is_drawn_or_known_to_be_a_part_or_a_text() -> None:
-    types = {name for name in data.__all__ if is_dataclass(getattr(data, name))}
+    types = {name for name in data.__all__ if is_dataclass(getattr(data, name))} | set(STEADY_STATES)
     drawn = {kind.__name__ for kind in PICTURES if kind.__module__.startswith("ema.data")}
     known = set(PARTS_AND_TEXTS.split())
     assert types == drawn | known
@@ -127,6 +129,17 @@ def things() -> Iterator[Any]:
     yield study.runs[0].poles
     yield placed.ranking
     yield examples.recording()
+    yield SteadyStateCurve(
+        frequencies=np.array([40.0, 41.0, 40.5]),
+        values=np.array([[1e-4], [2e-4], [3e-4]], complex),
+        dofs=(dof,),
+        force=1.0,
+        largest=np.array([0.9, 1.0, 1.1]),
+        verdicts=("stable", "undecided", "unstable"),
+        losses=("", "", "fold"),
+        error_estimate=np.full(3, 4e-3),
+        harmonics=np.array([5, 7, 7]),
+    )
     yield made(
         data.Response,
         times=[0.0, 0.1],

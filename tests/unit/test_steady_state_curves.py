@@ -1,6 +1,6 @@
 """Curves of steady states as a table, a picture and a container show them."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +8,16 @@ import pytest
 
 import acquisition
 from acquisition.model_file import FrfTable
-from ema import show, simulate
+from ema import show, simulate, store
 from ema.cli.simulation_job import Job
 from ema.cli.steady_state_curves import with_curves
-from ema.data import Damping
+from ema.data import BeamModel, Damping, Joint, Matrices
 from ema.data.stability import SteadyStateCurve
 from ema.dof import Dof
 from ema.examples import beam_model
+from ema.interop import to_dataframe
 from ema.progress import silent
+from ema.simulate import curve_following
 
 FOLDED = SteadyStateCurve(
     frequencies=np.array([40.0, 41.0, 42.0, 41.5, 41.0, 42.0]),
@@ -25,6 +27,8 @@ FOLDED = SteadyStateCurve(
     largest=np.array([0.9, 0.95, 1.0, 1.1, 1.0, 0.9]),
     verdicts=("stable", "stable", "undecided", "unstable", "undecided", "stable"),
     losses=("", "", "fold", "fold", "fold", ""),
+    error_estimate=np.full(6, 4e-3),
+    harmonics=np.array([5, 5, 7, 7, 7, 5]),
 )
 
 
@@ -59,10 +63,60 @@ def test_a_job_has_a_row_for_every_stretch_and_says_what_it_cannot(job):
     assert "there may be others" in job.statement and "stability" in job.pictures
 
 
-def test_parts_of_a_curve_that_was_lost_are_not_called_detached() -> None:
-    """Masing springs under a constant normal force and damping: disturbances never grow, so there is one curve."""
-    beams = acquisition.open_model(Path(__file__).parents[2] / "datasets" / "double_beam").with_normal_force(200.0)
-    tip = "beam 2:20:+Z"
-    curves = simulate.frf_curves(beams, (10.0, 40.0), 1.0, tip, [tip], searched=1, starts=2, stability=False)
-    assert len(curves) > 1 and any("lost" in curve.ends for curve in curves)  # else this asks nothing
+def test_the_curves_of_a_job_are_stored_tabulated_and_drawn(job, tmp_path):
+    store.save(tmp_path / "frf.h5", job.contents)
+    loaded = store.load(tmp_path / "frf.h5")
+    (name,) = loaded
+    curve, before = loaded[name], job.contents[name]
+    assert name == "curve 1, 1 N, F_N 100 N" and isinstance(curve, SteadyStateCurve)
+    for field in fields(curve):
+        np.testing.assert_array_equal(getattr(curve, field.name), getattr(before, field.name))
+    table = to_dataframe(curve)
+    np.testing.assert_array_equal(table["1:+X [m]"], curve.values[:, 0])
+    assert table.attrs["units"]["frequency [Hz]"] == "Hz" and set(table["stability"]) == {"stable"}
+    assert len(show.plot(curve).axes) == len(show.plot([curve, FOLDED]).axes) == 1
+
+
+TIP = "beam 2:20:+Z"
+
+
+def double_beam(pressed: float) -> BeamModel:
+    return acquisition.open_model(Path(__file__).parents[2] / "datasets" / "double_beam").with_normal_force(pressed)
+
+
+@pytest.mark.parametrize(("band", "share"), [((10.9, 11.7), 0.005), ((18.1, 18.7), 0.0025), ((26.0, 26.8), 0.001)])
+def test_curves_pass_where_waves_of_higher_modes_make_contacts_stick(band: tuple[float, float], share: float) -> None:
+    """Masing springs under a constant normal force and damping have one steady state at each frequency (Visintin 1994).
+
+    So their curve never turns back. Higher modes ride on the motion where an odd multiple of the frequency meets them:
+    contacts stick for a moment more within the period, and the curve has a corner.
+    """
+    pressed = float(np.random.default_rng(int(10 * band[0])).uniform(100.0, 400.0))
+    (curve,) = simulate.frf_curves(double_beam(pressed), band, share * pressed, TIP, [TIP], searched=0, stability=False)
+    assert curve.ends == ("edge", "edge") and curve.reasons == ("", "")
+    assert np.all(np.diff(curve.frequencies) > 0) and curve.frequencies[-1] >= band[1]
+    assert curve.error_estimate.max() <= 5e-3 and len(set(curve.harmonics)) > 1
+
+
+def hysteretic() -> BeamModel:
+    """1 kg on springs, held by a wall that does not move and a Masing contact on it."""
+    dofs, wall = (Dof(1, "+X"), Dof(1, "+Z")), (Dof(1, "+X", "wall"), Dof(1, "+Z", "wall"))
+    joint = Joint("contact", ((1, 1),), (0.0, 0.0), simulate.Masing(1.0, 4e5), 30.0, 1.0)
+    host = Matrices(np.eye(2), 4e5 * np.eye(2), dofs)
+    return BeamModel(host, Matrices(1e9 * np.eye(2), 1e18 * np.eye(2), wall), (joint,), Damping(mass_factor=18.0))
+
+
+def followed(model: BeamModel) -> tuple[SteadyStateCurve, ...]:
+    return simulate.frf_curves(model, (90.0, 160.0), 25.0, "1:+X", ["1:+X"], searched=1, starts=0, stability=False)
+
+
+def test_a_curve_that_was_lost_says_where_and_why_and_its_parts_are_not_called_detached(monkeypatch) -> None:
+    monkeypatch.setattr(curve_following, "_BUDGETS", 1e-3)
+    curves = followed(hysteretic())
+    assert len(curves) > 1 and curves[0].ends == ("edge", "lost")
+    assert curves[0].reasons == ("", "the budget ended it") and 90.0 < curves[0].frequencies[-1] < 160.0
     assert not any(curve.detached for curve in curves)
+
+
+def test_a_budget_that_is_enough_follows_the_whole_curve() -> None:
+    assert [curve.ends for curve in followed(hysteretic())] == [("edge", "edge")]
