@@ -3,14 +3,14 @@
 Under a force with the spectrum S, blocks with the spectral window K show (H S) * K / (S * K) (Bendat and Piersol 2010,
 section 11.5). Where S is flat over the width of K that is H * K, whatever the structure, and a fit can take it off
 (`ema.fit.broadening`). Where the structure pulls the force of a shaker down within a few lines it is something else.
-The signal of a generator as reference replaces S by the cross-spectrum of force and generator.
+With the signal of a generator as reference, S is the cross-spectrum of force and generator, whose phase changes too.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 import scipy.ndimage
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float
 
 from ema.data import Finding
 from ema.estimate.spectra import Spectra
@@ -28,19 +28,22 @@ LINES, MEAN = 9, 3
 """Lines over which the range is looked for, twice the main lobe of a Hann window; and lines of the running mean."""
 
 
-def changes(found: Spectra, kept: Bool[np.ndarray, "freq"] | slice = slice(None)) -> Float[np.ndarray, "line in"]:
-    """Range [dB] of the spectrum of each force over `LINES` lines around each of the lines ``kept``.
+def changes(power: Float[np.ndarray, "line in"]) -> Float[np.ndarray, "line in"]:
+    """Range [dB] of the power spectrum of each force over `LINES` lines around each line."""
+    mean = scipy.ndimage.uniform_filter1d(power, MEAN, axis=0)
+    return _range(10 * np.log10(np.maximum(mean, np.finfo(float).tiny)))
 
-    Parameters
-    ----------
-    found : spectra whose inputs are those of the forces, or of forces with generators.
-    """
-    power = np.abs(np.diagonal(np.asarray(found.inputs)[kept], axis1=1, axis2=2))
-    level = 10 * np.log10(np.maximum(scipy.ndimage.uniform_filter1d(power, MEAN, axis=0), np.finfo(float).tiny))
-    highest, lowest = (
-        find(level, LINES, axis=0) for find in (scipy.ndimage.maximum_filter1d, scipy.ndimage.minimum_filter1d)
-    )
-    return np.asarray(highest - lowest)
+
+def changes_of_transfer(transfer: Complex[np.ndarray, "line in"]) -> Float[np.ndarray, "line in"]:
+    """The same of the transfer function from generator to force: magnitude, and phase as the logarithm has it."""
+    magnitude = 20 * np.log10(np.maximum(np.abs(transfer), np.finfo(float).tiny))
+    phase = 20 * np.log10(np.e) * np.unwrap(np.angle(transfer), axis=0)
+    return np.hypot(_range(magnitude), _range(phase))
+
+
+def _range(level: Float[np.ndarray, "line in"]) -> Float[np.ndarray, "line in"]:
+    highest = scipy.ndimage.maximum_filter1d(level, LINES, axis=0)
+    return np.asarray(highest - scipy.ndimage.minimum_filter1d(level, LINES, axis=0))
 
 
 def about_force(
@@ -51,13 +54,21 @@ def about_force(
     inputs: Sequence[object],
     where: str,
 ) -> tuple[Finding, ...]:
-    """A finding for each force that is not flat, with the ``frequencies`` [Hz] of the lines ``kept``.
+    """A finding for each of the forces ``inputs`` that is not flat, with ``frequencies`` [Hz] of the lines ``kept``.
 
-    Where a force begins and ends it is not flat either: there are no resonances whose peaks it would change.
+    The inputs of the spectra are the forces, or forces and then as many generators. Where a force begins and ends it is
+    not flat either: there are no resonances whose peaks it would change.
     """
+    spectra, number = np.asarray(found.inputs)[kept], len(inputs)
+    power = np.diagonal(spectra, axis1=1, axis2=2).real
+    change_of_force = changes(power[:, :number])
+    if power.shape[1] > number:
+        joint = np.diagonal(spectra[:, :number, number:], axis1=1, axis2=2)
+        transfer = joint / np.maximum(power[:, number:], np.finfo(float).tiny)
+        change_of_force = np.maximum(changes(power[:, number:]), changes_of_transfer(transfer))
     limit = float(np.hypot(FLAT, CHANCE / np.sqrt(max(found.averages, 1.0))))
     findings = []
-    for name, change in zip(inputs, changes(found, kept).T, strict=True):
+    for name, change in zip(inputs, change_of_force.T, strict=True):
         runs, count = scipy.ndimage.label(change > limit)
         inside = (runs > 0) & (runs != runs[0]) & (runs != runs[-1]) if count else np.zeros(len(change), bool)
         if not inside.any():

@@ -170,11 +170,8 @@ def shaker(
         else:
             parts = welch_frfs(inputs, estimator, kept)
         parts |= {"record_length": cut.length / first.sampling_rate, "window": "hann"}
-        referred = generator.Joint(inputs).of_generators if driven else inputs
-        beyond = (
-            *beyond,
-            *force_flatness.about_force(referred, kept, frequencies[kept], inputs=layout.inputs, where=where),
-        )
+        about = force_flatness.about_force(inputs, kept, frequencies[kept], inputs=layout.inputs, where=where)
+        beyond = (*beyond, *about)
     if rest is not None:
         lines = scipy.fft.rfftfreq(cut.length, 1 / first.sampling_rate)
         within = (lines >= frequencies[kept][0]) & (lines <= frequencies[kept][-1])
