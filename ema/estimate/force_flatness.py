@@ -38,7 +38,7 @@ def changes_of_transfer(transfer: Complex[np.ndarray, "line in"]) -> Float[np.nd
     """The same of the transfer function from generator to force: magnitude, and phase as the logarithm has it."""
     magnitude = 20 * np.log10(np.maximum(np.abs(transfer), np.finfo(float).tiny))
     phase = 20 * np.log10(np.e) * np.unwrap(np.angle(transfer), axis=0)
-    return np.hypot(_range(magnitude), _range(phase))
+    return np.asarray(np.hypot(_range(magnitude), _range(phase)))
 
 
 def _range(level: Float[np.ndarray, "line in"]) -> Float[np.ndarray, "line in"]:
