@@ -3,6 +3,7 @@
 from ema.lazy import attach
 
 _HOMES = {
+    "BeamsForecast": "ema.place.beams_forecast",
     "Costs": "ema.place.trials",
     "ForecastSettings": "ema.place.bands",
     "KeptPlaces": "ema.place.shortlist",
@@ -16,6 +17,7 @@ _HOMES = {
     "distribute": "ema.place.recommend",
     "forecast": "ema.place.bands",
     "forecast_at": "ema.place.location",
+    "forecast_together": "ema.place.beams_forecast",
     "grid": "ema.place.candidates",
     "model_at": "ema.place.model",
     "next_tests": "ema.place.trials",
