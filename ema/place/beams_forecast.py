@@ -147,9 +147,10 @@ def forecast_together(
         *about_forces(recipe, levels, np.unique(pressed)),
         *about_readings(recipe),
     )
-    said = f"{len(names)} beams: " + "; ".join(str(name) for name in names)
     return BeamsForecast(
-        locations=names, normal_forces=pressed, forecast=replace(predicted, beam=said, findings=findings)
+        locations=names,
+        normal_forces=pressed,
+        forecast=replace(predicted, beam=_listed(names, pressed), findings=findings),
     )
 
 
@@ -194,6 +195,13 @@ def _footprint(here: Candidates) -> Float[np.ndarray, "corner 2"]:
 def _named(here: Candidates) -> Location:
     x, y = here.centres[0].tolist()
     return Location(centre=(x, y), angle=float(here.angles[0]), beam=here.catalogue[int(here.beams[0])].name)
+
+
+def _listed(names: Sequence[Location], pressed: Float[np.ndarray, "force beam"]) -> str:
+    """All beams in words, with their normal forces where they differ."""
+    alike = np.ptp(pressed) == 0 or len(pressed) > 1
+    said = [str(name) + ("" if alike else f", F_N {force:g} N") for name, force in zip(names, pressed[0], strict=True)]
+    return f"{len(names)} beams together: " + "; ".join(said)
 
 
 def _pressed(

@@ -220,8 +220,10 @@ def location_parts(
 
 
 def _location(forecast: Forecast) -> str:
-    """Beam, centre and angle."""
+    """Beam, centre and angle; of several beams together what lists them, for they have no common centre."""
     x, y = forecast.centre
+    if np.isnan(x):
+        return forecast.beam
     return text(
         "{beam} at ({x}, {y}) m, {angle}°",
         beam=forecast.beam or text("beam"),

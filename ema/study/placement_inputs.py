@@ -13,6 +13,7 @@ from ema.data import Forecast, Geometry, ModalModel, Placement, StudyResult
 from ema.errors import InputError
 from ema.estimate import without_dead
 from ema.place import recipe as recipes
+from ema.place.beams_forecast import BeamsForecast, forecast_together
 from ema.place.job import about_verdict, refuse_disagreement
 from ema.place.location import Location, forecast_at
 from ema.place.recipe import PlaceRecipe
@@ -125,6 +126,35 @@ def forecasts_at(
         progress=progress,
     )
     return tuple(replace(one, findings=(*one.findings, *about_verdict(verdict))) for one in forecasts)
+
+
+def forecast_of_beams(
+    task: PlacementTask,
+    locations: Sequence[Location],
+    *,
+    force_levels: Sequence[float] = (),
+    normal_forces: Sequence[float] = (),
+    progress: Progress = silent,
+) -> BeamsForecast:
+    """The forecast of several beams (:func:`ema.place.forecast_together`), with a joint model that may be used.
+
+    Raises
+    ------
+    InputError : the joint model does not agree with its measurement; and what ``ema.place.forecast_together`` refuses.
+    """
+    verdict = verdict_of(task.recipe, task.folder)
+    refuse_disagreement(verdict, task.modes.name or "bare structure")
+    result = forecast_together(
+        task.recipe,
+        task.modes,
+        task.geometry,
+        locations,
+        force_levels=force_levels,
+        normal_forces=normal_forces,
+        progress=progress,
+    )
+    findings = (*result.forecast.findings, *about_verdict(verdict))
+    return replace(result, forecast=replace(result.forecast, findings=findings))
 
 
 def placement_source(source: Path, recipe: Path | None = None) -> PlacementSource:

@@ -1,12 +1,16 @@
 """Several beams that act at the same time: against closed forms, and an eigenvalue solution of their own matrices."""
 
+import csv
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, eig
+from typer.testing import CliRunner
 
-from ema import place
+from ema import place, store
+from ema.cli.app import app
 from ema.data import Geometry, ModalModel, poles_from
 from ema.data.placement import Candidates
 from ema.dof import Dof
@@ -16,6 +20,7 @@ from ema.place.beams_forecast import beams_question
 from ema.place.fundamental import fundamental
 from ema.place.fundamental_kernels import LEFT
 from ema.place.job import target_task
+from tests.golden_json import assert_keys
 
 BANDS = tuple(what + end for what in ("frequency", "damping") for end in ("", "_low", "_high"))
 PLATE = """
@@ -128,6 +133,8 @@ def test_mirrored_beams_are_a_single_beam_of_twice_everything(tmp_path, method):
         assert getattr(both.forecast, name) == pytest.approx(getattr(single, name), rel=1e-6), name
     # the draws solve their contact equation within that
     same(both.forecast, single, LEFT)
+    if method == "measured":
+        return  # the fit of a kinked peak depends on the band that the peak is sought in
     (searched,) = place.forecast_at(doubled, *bending(), [wide], force_levels=[5.0], normal_forces=[160.0])
     same(both.forecast, searched, 1e-3)
 
@@ -198,7 +205,6 @@ def test_sticking_beams_are_the_eigenvalues_of_host_springs_and_beams(tmp_path):
         loaded(tmp_path, text), bending(), [here for here, _ in places], normal_forces=[1e5, 2e5]
     ).forecast
     assert abs(pole) / (2 * np.pi) < 199.0 or abs(pole) / (2 * np.pi) > 201.0
-    print(abs(pole) / (2 * np.pi), -pole.real / abs(pole), result.frequency, result.damping)
     assert result.frequency[0, 0, 0] == pytest.approx(abs(pole) / (2 * np.pi), rel=1e-4)
     assert result.damping[0, 0, 0] == pytest.approx(-pole.real / abs(pole), rel=1e-2)
 
@@ -240,3 +246,68 @@ def test_beams_side_by_side_are_not_refused(tmp_path):
     """Their edges are 1 mm apart: 21 mm between the middles of two beams of 20 mm."""
     result = together(loaded(tmp_path), bending(), [at(0.1, 0.1), at(0.1, 0.121)], force_levels=[5.0])
     assert np.isfinite(result.forecast.damping).all()
+
+
+def run(folder: Path, *arguments: object):
+    model, geometry = bending()
+    store.save(folder / "plate.h5", {"modes": model, "geometry": geometry})
+    loaded(folder)
+    words = (folder / "plate.h5", "--recipe", folder / "place.toml", *arguments, "--output", folder / "out")
+    return CliRunner().invoke(app, ["predict", *map(str, words)])
+
+
+PLACES = ("--place", "150 mm, -100 mm, 0 deg", "--place", "-0.1 m, 0.1 m, 20 deg", "--together")
+BOTH = (
+    "--beam",
+    "slim",
+    "--beam",
+    "twice as wide",
+    "--normal-force",
+    "30 N",
+    "--normal-force",
+    "80 N",
+    "--force",
+    "5 N",
+)
+
+
+def test_the_command_predicts_beams_together(tmp_path):
+    result = run(tmp_path, *PLACES, *BOTH, "--json")
+    assert result.exit_code == 0, result.output
+    spoken = json.loads(result.stdout)
+    assert_keys("predict together", spoken)
+    (mode,) = spoken["together"]["modes"]
+    (condition,) = mode["conditions"]
+    assert condition["normal_forces"] == [30.0, 80.0]
+    beams = [at(0.15, -0.1), at(-0.1, 0.1, 20.0, "twice as wide")]
+    expected = together(loaded(tmp_path), bending(), beams, force_levels=[5.0], normal_forces=[30.0, 80.0]).forecast
+    assert condition["damping"][1] == pytest.approx(expected.damping[0, 0, 0], rel=1e-7)
+    same(store.load(tmp_path / "out" / "plate_prediction.h5")["forecast_together"], expected, 1e-7)
+    (row,) = csv.DictReader((tmp_path / "out" / "plate_prediction.csv").read_text(encoding="utf-8").splitlines())
+    assert (row["beam_1"], row["beam_2"], float(row["x_2_m"])) == ("slim", "twice as wide", -0.1)
+    assert (float(row["normal_force_1_N"]), float(row["normal_force_2_N"])) == (30.0, 80.0)
+    assert float(row["frequency_Hz_high"]) == pytest.approx(expected.frequency_high[0, 0, 0], rel=1e-7)
+    assert (tmp_path / "out" / "plate_forecast_together.png").stat().st_size > 1000
+
+
+def test_the_command_says_it_in_words(tmp_path):
+    result = run(tmp_path, *PLACES, *BOTH)
+    lines = result.stdout.splitlines()
+    assert lines[0].startswith(
+        "2 beams together: slim at (0.15, -0.1) m, 0 deg, F_N 30 N; twice as wide at (-0.1, 0.1) m, 20 deg, F_N 80 N: 95 % bands"
+    )
+    assert any(line.startswith("  mode 1, F_E 5 N, F_N 30, 80 N: ") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((*PLACES, "--beam", "slim", "--beam", "slim", "--beam", "slim"), "3 for 2 locations"),
+        ((*PLACES, "--beam", "slim", *("--normal-force", "80 N") * 3), "3 for 2 beams"),
+        (("--together", "--force", "5 N"), "what is to be predicted?"),
+    ],
+)
+def test_what_cannot_be_asked_is_one_sentence(tmp_path, arguments, words):
+    result = run(tmp_path, *arguments)
+    assert result.exit_code == 2 and words in result.stderr, result.output
+    assert len(result.stderr.strip().splitlines()) == 1
