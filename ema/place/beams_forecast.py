@@ -201,7 +201,7 @@ def _listed(names: Sequence[Location], pressed: Float[np.ndarray, "force beam"])
     """All beams in words, with their normal forces where they differ."""
     alike = np.ptp(pressed) == 0 or len(pressed) > 1
     said = [str(name) + ("" if alike else f", F_N {force:g} N") for name, force in zip(names, pressed[0], strict=True)]
-    return f"{len(names)} beams together: " + "; ".join(said)
+    return said[0] if len(said) == 1 else f"{len(names)} beams together: " + "; ".join(said)
 
 
 def _pressed(

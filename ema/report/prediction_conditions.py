@@ -207,6 +207,8 @@ def location_parts(
                 lines.append(_at_location(cells, values, before, known=known))
     far = any(finding.code == "outside-recipe" for one in forecasts for finding in one.findings)
     lines = [*first_ones(lines)]
+    if any(np.isnan(one.centre[0]) for one in forecasts):
+        lines.append(text("Beams that are listed together act at the same time; F_N is that of the beam pressed most."))
     lines.append(
         text("F_E or F_N lie outside the ranges of the recipe; the findings say by how much.")
         if far
