@@ -4,6 +4,7 @@ from ema.lazy import attach
 
 _HOMES = {
     "BeamsForecast": "ema.place.beams_forecast",
+    "BeamsSearch": "ema.place.beams_search",
     "Costs": "ema.place.trials",
     "ForecastSettings": "ema.place.bands",
     "KeptPlaces": "ema.place.shortlist",
@@ -25,6 +26,7 @@ _HOMES = {
     "rank": "ema.place.ranking",
     "recommended_forces": "ema.place.objective",
     "search": "ema.place.ranking",
+    "search_together": "ema.place.beams_search",
     "updated": "ema.place.conditioning",
     "verify": "ema.place.shortlist",
 }
