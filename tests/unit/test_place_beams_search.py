@@ -1,19 +1,24 @@
 """Several beams that are chosen: against all sets of a small grid, and within what space and mass allow."""
 
 import itertools
+import json
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval2d
+from typer.testing import CliRunner
 
-from ema import place
+from ema import place, store
+from ema.cli.app import app
+from ema.errors import InputError
 from ema.place.beams_forecast import beams_question, overlap
 from ema.place.fundamental import fundamental
 from ema.place.job import target_task
 from ema.place.objective import Objective
 from ema.place.task import only
+from tests.golden_json import assert_keys
 from tests.unit.test_place_beams import PLATE, loaded, plate
 
 SMALL = PLATE.replace('near = "200 Hz"', 'near = ["200 Hz", "260 Hz"]').replace('force = "20 N"', 'force = "5 N"', 1)
@@ -61,9 +66,9 @@ def of_all_pairs(task, spots) -> np.ndarray:
     return np.array(values)
 
 
-@pytest.mark.parametrize("seed", [11, 12, 13])
+@pytest.mark.parametrize("seed", range(11, 17))
 def test_the_choice_beside_the_best_of_all_pairs(tmp_path, seed):
-    """Of the least damping it is the best of all pairs; of the mean it keeps two thirds, as docs/placement.md states."""
+    """Of the least damping it is the best of all pairs; of the mean it keeps two thirds."""
     task, spots = asked(tmp_path, seed, 0.16)
     pairs = of_all_pairs(task, spots)
     for aim, best, kept in (
@@ -74,3 +79,105 @@ def test_the_choice_beside_the_best_of_all_pairs(tmp_path, seed):
         print(aim, len(spots), len(pairs), choice.values[-1] / best)
         assert kept * best * (1 - 1e-6) <= choice.values[-1] <= best * (1 + 1e-4)
         assert np.all(np.diff(choice.values[1:]) > 0) and choice.rounds <= 2
+
+
+def test_the_beams_keep_apart_and_within_their_mass(tmp_path):
+    """Three beams of 0.314 kg: a limit of three of them allows them, one of 2.9 of them refuses the third."""
+    task, spots = asked(tmp_path, 11, 0.16)
+    heavy = spots.catalogue[0].mass
+    assert heavy == pytest.approx(0.314)
+    choice = searched(task, spots, beams=3, most_mass=3 * heavy)
+    rows = [
+        int(np.flatnonzero(np.all(spots.centres == one.centre, axis=1) & (spots.angles == one.angle))[0])
+        for one in choice.locations
+    ]
+    for one, other in itertools.combinations(rows, 2):
+        apart = np.abs(spots.centres[one] - spots.centres[other])
+        along = np.array([[np.cos(a), np.sin(a)] for a in spots.angles[[one, other]]])
+        half = 0.5 * (np.abs(along) * 0.2 + np.abs(along[:, ::-1]) * 0.02)  # beams lie along x or y
+        assert np.any(apart > half.sum(axis=0)), (one, other)
+    with pytest.raises(InputError, match="no further beam fits") as refused:
+        searched(task, spots, beams=3, most_mass=2.9 * heavy)
+    assert "weigh at most" in str(refused.value)
+
+
+def test_the_lighter_beam_is_taken_where_mass_is_scarce(tmp_path):
+    recipe = loaded(tmp_path, SMALL)
+    task, _ = target_task(recipe, *drawn(11), "plate")
+    spots = place.grid(task.surface, recipe.catalogue(), step=0.2, angles=[0.0])
+    light, wide = (beam.mass for beam in recipe.catalogue())
+    choice = searched(task._replace(normal_forces=np.array([80.0])), spots, most_mass=light + wide)
+    assert sorted(one.beam for one in choice.locations) in (["slim", "slim"], ["slim", "twice as wide"])
+    only_light = searched(task._replace(normal_forces=np.array([80.0])), spots, most_mass=2 * light)
+    assert [one.beam for one in only_light.locations] == ["slim", "slim"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"beams": 1}, "expected 2 or more"),
+        ({"aim": "chatter"}, "judged by their damping"),
+        ({"beams": 40}, "no further beam fits"),
+    ],
+)
+def test_what_cannot_be_chosen_is_refused(tmp_path, arguments, words):
+    task, spots = asked(tmp_path, 11, 0.2)
+    with pytest.raises(InputError, match=words):
+        searched(task, spots, **arguments)
+
+
+def written(folder: Path, text: str) -> Path:
+    model, geometry = drawn(12)
+    store.save(folder / "plate.h5", {"modes": model, "geometry": geometry})
+    (folder / "place.toml").write_text('modes = "plate.h5"\n' + text, encoding="utf-8")
+    return folder / "place.toml"
+
+
+def run(command: str, *arguments: object):
+    return CliRunner().invoke(app, [command, *map(str, arguments)])
+
+
+def test_the_command_places_two_beams(tmp_path):
+    path = written(tmp_path, SMALL + SEARCH + "beams = 2\n")
+    result = run("place", path, "--output", tmp_path / "out", "--json")
+    assert result.exit_code == 0, result.output
+    spoken = json.loads(result.stdout)
+    assert_keys("place together", spoken)
+    together = spoken["together"]
+    assert together["searched"] == "one after the other, then exchanged" and len(together["beams"]) == 2
+    (finding,) = (one for one in spoken["findings"] if one["code"] == "several-beams")
+    assert "need not be the best set of all" in finding["message"]
+    words = [
+        word
+        for one in together["beams"]
+        for word in (
+            "--place",
+            f"{one['centre'][0]!r} m, {one['centre'][1]!r} m, {np.degrees(one['angle']).item()!r} deg",
+            f"--normal-force={one['normal_force']!r} N",
+            f"--beam={one['beam']}",
+        )
+    ]
+    again = run("predict", path, "--together", *words, "--output", tmp_path / "again", "--json")
+    assert again.exit_code == 0, again.output
+    mine, its = together["forecast"]["modes"], json.loads(again.stdout)["together"]["modes"]
+    for one, other in zip(mine, its, strict=True):
+        assert one["conditions"][0]["damping"] == pytest.approx(other["conditions"][0]["damping"], rel=1e-6)
+    page = (tmp_path / "out" / "placement.html").read_text(encoding="utf-8")
+    assert "2 beams that act together" in page
+    assert store.load(tmp_path / "out" / "placement_together.h5")["forecast_together"].draws == 20
+
+
+def test_a_single_beam_is_placed_as_before(tmp_path):
+    path = written(tmp_path, SMALL + SEARCH)
+    result = run("place", path, "--output", tmp_path / "out", "--json")
+    spoken = json.loads(result.stdout)
+    assert spoken["together"] is None and "several-beams" not in {one["code"] for one in spoken["findings"]}
+    assert not (tmp_path / "out" / "placement_together.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"), [("beams = 0", "[search], beams"), ('most_mass = "0 kg"', "most_mass"), ("beam = 2", "beam")]
+)
+def test_a_wrong_key_of_the_recipe_is_named(tmp_path, line, words):
+    result = run("place", written(tmp_path, SMALL + SEARCH + line + "\n"), "--output", tmp_path / "out")
+    assert result.exit_code == 2 and words in result.stderr, result.output
