@@ -30,7 +30,7 @@ class SeveralBeams(NamedTuple):
             "cases": choice.cases,
             "objective": choice.objective,
             "value": float(choice.values[-1]),
-            "value_of_the_best_alone": float(choice.values[0]),
+            "value_of_the_best_alone": choice.alone,
             "beams": [
                 {"beam": one.beam, "centre": list(one.centre), "angle": one.angle, "normal_force": float(force)}
                 for one, force in zip(choice.locations, choice.normal_forces, strict=True)

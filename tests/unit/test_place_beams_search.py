@@ -24,9 +24,9 @@ from tests.unit.test_place_beams import PLATE, loaded, plate
 SMALL = PLATE.replace('near = "200 Hz"', 'near = ["200 Hz", "260 Hz"]').replace('force = "20 N"', 'force = "5 N"', 1)
 SEARCH = """
 [search]
-step = "130 mm"
+step = "200 mm"
 angles = [0, 90]
-shortlist = 2
+shortlist = 1
 keep = 5
 draws = 5
 """
@@ -56,29 +56,39 @@ def searched(task, spots, aim="damping", beams=2, **limits):
     return place.search_together(task, spots, ranked, beams=beams, objective=Objective(aim), **limits)
 
 
-def of_all_pairs(task, spots) -> np.ndarray:
-    """Damping ratios (pair, mode) of all pairs that do not overlap."""
-    values = []
+def of_all_pairs(task, spots) -> dict[frozenset[int], np.ndarray]:
+    """Damping ratios of both modes by the rows of all pairs that do not overlap."""
+    values = {}
     for one, other in itertools.combinations(range(len(spots)), 2):
         pair = [only(spots, [one]), only(spots, [other])]
         if not overlap(pair[0], pair[1])[0]:
-            values.append(fundamental(beams_question(task, pair, [80.0, 80.0]))[:, 1, 0, 0])
-    return np.array(values)
+            asked = beams_question(task, pair, [80.0, 80.0])
+            values[frozenset((one, other))] = np.nan_to_num(fundamental(asked)[:, 1, 0, 0], nan=-1.0)
+    return values
 
 
-@pytest.mark.parametrize("seed", range(11, 17))
-def test_the_choice_beside_the_best_of_all_pairs(tmp_path, seed):
-    """Of the least damping it is the best of all pairs; of the mean it keeps two thirds."""
+def rows_of(choice, spots) -> list[int]:
+    return [
+        int(np.flatnonzero(np.all(spots.centres == one.centre, axis=1) & (spots.angles == one.angle))[0])
+        for one in choice.locations
+    ]
+
+
+@pytest.mark.parametrize("seed", range(31, 37))
+@pytest.mark.parametrize(("aim", "of"), [("least damping", np.min), ("damping", np.mean)])
+def test_the_choice_beside_all_pairs(tmp_path, seed, aim, of):
+    """No exchange of one beam is better, among all pairs of a small grid; and how near it comes to the best of them.
+
+    Measured before: the best itself on 31 of 32, and 69 % of it at least.
+    """
     task, spots = asked(tmp_path, seed, 0.16)
-    pairs = of_all_pairs(task, spots)
-    for aim, best, kept in (
-        ("least damping", np.nanmax(pairs.min(axis=1)), 1.0),
-        ("damping", np.nanmax(pairs.mean(axis=1)), 0.66),
-    ):
-        choice = searched(task, spots, aim)
-        print(aim, len(spots), len(pairs), choice.values[-1] / best)
-        assert kept * best * (1 - 1e-6) <= choice.values[-1] <= best * (1 + 1e-4)
-        assert np.all(np.diff(choice.values[1:]) > 0) and choice.rounds <= 2
+    choice, pairs = searched(task, spots, aim), {rows: of(both) for rows, both in of_all_pairs(task, spots).items()}
+    chosen, best = frozenset(rows_of(choice, spots)), max(pairs.values())
+    print(f"{aim}: {pairs[chosen] / best:.4f} of the best of {len(pairs)} pairs, {choice.cases} cases")
+    assert choice.values[-1] == pytest.approx(pairs[chosen], rel=1e-4)
+    assert pairs[chosen] >= max(value for rows, value in pairs.items() if rows & chosen) * (1 - 1e-4)
+    assert choice.rounds <= 2 and np.all(np.diff(choice.values[1:]) > 0)
+    assert pairs[chosen] >= 0.65 * best
 
 
 def test_the_beams_keep_apart_and_within_their_mass(tmp_path):
@@ -87,11 +97,7 @@ def test_the_beams_keep_apart_and_within_their_mass(tmp_path):
     heavy = spots.catalogue[0].mass
     assert heavy == pytest.approx(0.314)
     choice = searched(task, spots, beams=3, most_mass=3 * heavy)
-    rows = [
-        int(np.flatnonzero(np.all(spots.centres == one.centre, axis=1) & (spots.angles == one.angle))[0])
-        for one in choice.locations
-    ]
-    for one, other in itertools.combinations(rows, 2):
+    for one, other in itertools.combinations(rows_of(choice, spots), 2):
         apart = np.abs(spots.centres[one] - spots.centres[other])
         along = np.array([[np.cos(a), np.sin(a)] for a in spots.angles[[one, other]]])
         half = 0.5 * (np.abs(along) * 0.2 + np.abs(along[:, ::-1]) * 0.02)  # beams lie along x or y
@@ -146,7 +152,7 @@ def test_the_command_places_two_beams(tmp_path):
     together = spoken["together"]
     assert together["searched"] == "one after the other, then exchanged" and len(together["beams"]) == 2
     (finding,) = (one for one in spoken["findings"] if one["code"] == "several-beams")
-    assert "need not be the best set of all" in finding["message"]
+    assert "need not be the best set" in finding["message"]
     words = [
         word
         for one in together["beams"]
