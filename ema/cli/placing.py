@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ema.data.placement import Placement
     from ema.place import BeamsForecast
     from ema.study.friction import PlacementTask
-    from ema.study.several_beams import SeveralBeams
 
 
 IN_THIS_PROCESS, IN_ENGLISH = Work(jobs=1), Reporting()
@@ -57,13 +56,14 @@ def place(
             placement = placed(task, folder / "checked", work.resume, executor, bars, anyway=anyway)
         placement, several = several_beams(task, placement, bars)
     written = _write(placement, folder, wanted, spoken)
-    if several is not None and several.forecast is not None:
-        written += _write_together(several.forecast, task, folder)
+    predicted = None if several is None else several.forecast
+    if predicted is not None:
+        written += _write_together(predicted, task, folder)
     if json:
         together = None if several is None else several.plain(task)
         screen.as_json(_as_mapping(placement, written) | {"together": together})
     else:
-        _show(placement, written, [] if several is None else _sentences(several, task))
+        _show(placement, written, [] if predicted is None else _sentences(predicted, task))
     return status(placement.all_findings, limit)
 
 
@@ -94,16 +94,13 @@ def _write_together(forecast: "BeamsForecast", task: "PlacementTask", folder: Pa
     return [path, *save_pictures(folder, {"forecast_together": show.forecast_bands(forecast.forecast)})]
 
 
-def _sentences(several: "SeveralBeams", task: "PlacementTask") -> list[str]:
-    """What several beams were chosen, and their forecast, for people."""
+def _sentences(together: "BeamsForecast", task: "PlacementTask") -> list[str]:
+    """The forecast of several beams, for people; their choice is a finding."""
     from ema.study.plain_forecast import READINGS, lines_together
 
-    sentences = [several.choice.finding().message]
-    if several.forecast is not None:
-        forecast = several.forecast.forecast
-        sentences.append(f"{forecast.beam}: 95 % bands from {forecast.draws} draws; {READINGS[forecast.method]}.")
-        sentences += [f"  {line}" for line in lines_together(several.forecast, task.modes)]
-    return sentences
+    forecast = together.forecast
+    first = f"{forecast.beam}: 95 % bands from {forecast.draws} draws; {READINGS[forecast.method]}."
+    return [first, *(f"  {line}" for line in lines_together(together, task.modes))]
 
 
 def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:

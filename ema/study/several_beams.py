@@ -44,8 +44,8 @@ def several_beams(
 ) -> tuple[Placement, SeveralBeams | None]:
     """Choose as many beams as the recipe asks for, from the candidates of a placement; none where it asks for one.
 
-    The placement gets the choice as a finding. The forecast of the beams is that of ``ema.place.forecast_together``
-    under the normal forces that were chosen.
+    The placement gets the choice as a finding, with the findings of the forecast: that of ``forecast_together`` under
+    the normal forces that were chosen.
 
     Raises
     ------
@@ -74,5 +74,8 @@ def several_beams(
             normal_forces=choice.normal_forces.tolist(),
             progress=progress,
         )
-    found = replace(placement, findings=(*placement.findings, choice.finding()))
+    known = placement.all_findings
+    own = [] if forecast is None else [one for one in forecast.forecast.findings if one not in known]
+    named = (replace(one, where=f"{recipe.search.beams} beams, {one.where}") for one in own)
+    found = replace(placement, findings=(*placement.findings, choice.finding(), *named))
     return found, SeveralBeams(choice, forecast)

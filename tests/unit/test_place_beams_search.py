@@ -153,6 +153,8 @@ def test_the_command_places_two_beams(tmp_path):
     assert together["searched"] == "one after the other, then exchanged" and len(together["beams"]) == 2
     (finding,) = (one for one in spoken["findings"] if one["code"] == "several-beams")
     assert "need not be the best set" in finding["message"]
+    warned = [one["code"] for one in together["forecast"]["findings"] if one["severity"] == "warning"]
+    assert {one["code"] for one in spoken["findings"]} >= set(warned)
     words = [
         word
         for one in together["beams"]
