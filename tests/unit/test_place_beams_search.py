@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 from ema import place, store
 from ema.cli.app import app
 from ema.errors import InputError
+from ema.place import beams_recipe
 from ema.place.beams_forecast import beams_question, overlap
-from ema.place.fundamental import fundamental
+from ema.place.fundamental import fundamental, shares
 from ema.place.job import target_task
 from ema.place.objective import Objective
 from ema.place.task import only
@@ -26,7 +27,7 @@ SEARCH = """
 [search]
 step = "200 mm"
 angles = [0, 90]
-shortlist = 1
+shortlist = 3
 keep = 5
 draws = 5
 """
@@ -63,7 +64,10 @@ def of_all_pairs(task, spots) -> dict[frozenset[int], np.ndarray]:
         pair = [only(spots, [one]), only(spots, [other])]
         if not overlap(pair[0], pair[1])[0]:
             asked = beams_question(task, pair, [80.0, 80.0])
-            values[frozenset((one, other))] = np.nan_to_num(fundamental(asked)[:, 1, 0, 0], nan=-1.0)
+            whole = shares(asked)[:, 0] >= 0.5  # of a mode spread over several resonances nothing is stated
+            values[frozenset((one, other))] = np.where(
+                whole, np.nan_to_num(fundamental(asked)[:, 1, 0, 0], nan=-1.0), -1.0
+            )
     return values
 
 
@@ -74,14 +78,21 @@ def rows_of(choice, spots) -> list[int]:
     ]
 
 
-@pytest.mark.parametrize("seed", range(31, 37))
+MORE = [(seed, 0.16) for seed in range(53, 63)] + [(seed, 0.13) for seed in range(63, 79)]
+"""Further plates, and a finer grid of 22 locations."""
+
+
+@pytest.mark.parametrize(
+    ("seed", "step"),
+    [*((seed, 0.16) for seed in range(47, 53)), *(pytest.param(*one, marks=pytest.mark.slow) for one in MORE)],
+)
 @pytest.mark.parametrize(("aim", "of"), [("least damping", np.min), ("damping", np.mean)])
-def test_the_choice_beside_all_pairs(tmp_path, seed, aim, of):
+def test_the_choice_beside_all_pairs(tmp_path, seed, step, aim, of):
     """No exchange of one beam is better, among all pairs of a small grid; and how near it comes to the best of them.
 
     Measured before: the best itself on 31 of 32, and 69 % of it at least.
     """
-    task, spots = asked(tmp_path, seed, 0.16)
+    task, spots = asked(tmp_path, seed, step)
     choice, pairs = searched(task, spots, aim), {rows: of(both) for rows, both in of_all_pairs(task, spots).items()}
     chosen, best = frozenset(rows_of(choice, spots)), max(pairs.values())
     print(f"{aim}: {pairs[chosen] / best:.4f} of the best of {len(pairs)} pairs, {choice.cases} cases")
@@ -144,7 +155,7 @@ def run(command: str, *arguments: object):
 
 
 def test_the_command_places_two_beams(tmp_path):
-    path = written(tmp_path, SMALL + SEARCH + "beams = 2\n")
+    path = written(tmp_path, (SMALL + SEARCH + "beams = 2\n").replace("draws = 20", "draws = 10"))
     result = run("place", path, "--output", tmp_path / "out", "--json")
     assert result.exit_code == 0, result.output
     spoken = json.loads(result.stdout)
@@ -155,24 +166,18 @@ def test_the_command_places_two_beams(tmp_path):
     assert "need not be the best set" in finding["message"]
     warned = [one["code"] for one in together["forecast"]["findings"] if one["severity"] == "warning"]
     assert {one["code"] for one in spoken["findings"]} >= set(warned)
-    words = [
-        word
-        for one in together["beams"]
-        for word in (
-            "--place",
-            f"{one['centre'][0]!r} m, {one['centre'][1]!r} m, {np.degrees(one['angle']).item()!r} deg",
-            f"--normal-force={one['normal_force']!r} N",
-            f"--beam={one['beam']}",
-        )
+    chosen = [
+        place.Location(centre=tuple(one["centre"]), angle=one["angle"], beam=one["beam"]) for one in together["beams"]
     ]
-    again = run("predict", path, "--together", *words, "--output", tmp_path / "again", "--json")
-    assert again.exit_code == 0, again.output
-    mine, its = together["forecast"]["modes"], json.loads(again.stdout)["together"]["modes"]
-    for one, other in zip(mine, its, strict=True):
-        assert one["conditions"][0]["damping"] == pytest.approx(other["conditions"][0]["damping"], rel=1e-6)
+    forces = [one["normal_force"] for one in together["beams"]]
+    its = place.forecast_together(beams_recipe.load(path), *drawn(12), chosen, normal_forces=forces).forecast
+    mine = [mode["conditions"][0]["damping"] for mode in together["forecast"]["modes"]]
+    same = np.stack([its.damping_low, its.damping, its.damping_high], axis=-1)[:, 0, 0]
+    assert np.array(mine, dtype=float) == pytest.approx(same, rel=1e-6, nan_ok=True)
+    assert np.isfinite(same[:, 1]).all()
     page = (tmp_path / "out" / "placement.html").read_text(encoding="utf-8")
     assert "2 beams that act together" in page
-    assert store.load(tmp_path / "out" / "placement_together.h5")["forecast_together"].draws == 20
+    assert store.load(tmp_path / "out" / "placement_together.h5")["forecast_together"].draws == 10
 
 
 def test_a_single_beam_is_placed_as_before(tmp_path):
