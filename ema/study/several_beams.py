@@ -8,7 +8,7 @@ import numpy as np
 from ema.data import Placement
 from ema.place.beams_forecast import BeamsForecast, forecast_together
 from ema.place.beams_recipe import BeamsRecipe
-from ema.place.beams_search import BeamsSearch, search_together
+from ema.place.beams_search import BeamsSearch, about_beams, search_together
 from ema.place.job import target_task
 from ema.progress import Progress, silent
 from ema.study.friction import PlacementTask
@@ -77,5 +77,5 @@ def several_beams(
     known = placement.all_findings
     own = [] if forecast is None else [one for one in forecast.forecast.findings if one not in known]
     named = (replace(one, where=f"{recipe.search.beams} beams, {one.where}") for one in own)
-    found = replace(placement, findings=(*placement.findings, choice.finding(), *named))
+    found = replace(placement, findings=(*placement.findings, about_beams(choice), *named))
     return found, SeveralBeams(choice, forecast)
