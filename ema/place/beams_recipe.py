@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from acquisition.quantities import Mass
 from ema.place.recipe import KIND, PlaceRecipe, SearchTable
@@ -25,7 +25,7 @@ class BeamsRecipe(PlaceRecipe):
     search: BeamsSearchTable = BeamsSearchTable()
 
 
-_TABLES = {**KIND.tables, "": BeamsRecipe, "search": BeamsSearchTable}
+_TABLES: dict[str, type[BaseModel]] = {**KIND.tables, "": BeamsRecipe, "search": BeamsSearchTable}
 _KIND = FileKind(
     table=BeamsRecipe, tables=_TABLES, name=KIND.name, absent=KIND.absent, guide=KIND.guide, former=KIND.former
 )
