@@ -14,6 +14,8 @@ from ema.messages import checked_language
 
 if TYPE_CHECKING:
     from ema.data.placement import Placement
+    from ema.place import BeamsForecast
+    from ema.study.friction import PlacementTask
 
 
 IN_THIS_PROCESS, IN_ENGLISH = Work(jobs=1), Reporting()
@@ -41,6 +43,7 @@ def place(
     from ema.cli import screen
     from ema.study.friction import placed
     from ema.study.placement_inputs import placement_source
+    from ema.study.several_beams import several_beams
     from ema.study.study import make_folder
 
     wanted, spoken = split_formats(report.formats), checked_language(report.language)
@@ -51,11 +54,16 @@ def place(
         task = asked.task(bars)
         with workers(work.cluster, work.jobs or 1) as executor:
             placement = placed(task, folder / "checked", work.resume, executor, bars, anyway=anyway)
+        placement, several = several_beams(task, placement, bars)
     written = _write(placement, folder, wanted, spoken)
+    predicted = None if several is None else several.forecast
+    if predicted is not None:
+        written += _write_together(predicted, task, folder)
     if json:
-        screen.as_json(_as_mapping(placement, written))
+        together = None if several is None else several.plain(task)
+        screen.as_json(_as_mapping(placement, written) | {"together": together})
     else:
-        _show(placement, written)
+        _show(placement, written, [] if predicted is None else _sentences(predicted, task))
     return status(placement.all_findings, limit)
 
 
@@ -75,6 +83,24 @@ def _write(found: "Placement", folder: Path, formats: Sequence[str], language: s
     written += save_pictures(folder, pictures)
     report.write(found, folder / "placement.html", formats, language)
     return [*written, *(folder / f"placement.{name}" for name in formats)]
+
+
+def _write_together(forecast: "BeamsForecast", task: "PlacementTask", folder: Path) -> list[Path]:
+    """The forecast of several beams, as `ema predict --together` stores it, and its picture."""
+    from ema import show, store
+
+    path = folder / "placement_together.h5"
+    store.save(path, {"bare": task.modes, "forecast_together": forecast.forecast})
+    return [path, *save_pictures(folder, {"forecast_together": show.forecast_bands(forecast.forecast)})]
+
+
+def _sentences(together: "BeamsForecast", task: "PlacementTask") -> list[str]:
+    """The forecast of several beams, for people; their choice is a finding."""
+    from ema.study.plain_forecast import READINGS, lines_together
+
+    forecast = together.forecast
+    first = f"{forecast.beam}: 95 % bands from {forecast.draws} draws; {READINGS[forecast.method]}."
+    return [first, *(f"  {line}" for line in lines_together(together, task.modes))]
 
 
 def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
@@ -98,8 +124,8 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
     }
 
 
-def _show(found: "Placement", written: list[Path]) -> None:
-
+def _show(found: "Placement", written: list[Path], together: Sequence[str]) -> None:
+    """Print the places, the answer, what several beams do together, findings and files."""
     from ema.cli import screen
     from ema.report.placement import answer
     from ema.report.trials import proposal
@@ -110,7 +136,8 @@ def _show(found: "Placement", written: list[Path]) -> None:
     frame = found.ranking.table().reset_index()
     title = f"{found.title}: {found.ranking.objective}"
     out.print(screen.table(frame.columns, frame.itertuples(index=False), title, whole=()))
-    out.print(answer(found), soft_wrap=True)
+    for sentence in (answer(found), *together):
+        out.print(sentence, soft_wrap=True)
     if found.trials is not None:
         out.print(proposal(found.trials), soft_wrap=True)
     if found.control is not None:

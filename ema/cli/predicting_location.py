@@ -1,4 +1,4 @@
-"""`ema predict` of a beam at a location that is named: what it will do there, with 95 % bands."""
+"""`ema predict` of beams at locations that are named: what they will do there, with 95 % bands."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from ema.errors import InputError
 
 if TYPE_CHECKING:
     from ema.cli.prediction_request import Wanted
-    from ema.data import Forecast, ModalModel
+    from ema.data import Finding, Forecast, ModalModel
     from ema.place import Location
 
 
@@ -34,20 +34,33 @@ class FromPlacement:
     recipe: Annotated[
         Path | None, typer.Option("--recipe", help="The placement recipe, where --place is of a campaign or modes.")
     ] = None
+    together: Annotated[
+        bool,
+        typer.Option(
+            "--together",
+            help="All beams act at the same time: a --beam and a --normal-force for all, or one for each --place.",
+        ),
+    ] = False
 
     def __bool__(self) -> bool:
-        return bool(self.place or self.beam or self.recipe)
+        return bool(self.place or self.beam or self.recipe or self.together)
 
 
 def of_locations(wanted: "Wanted", asked: FromPlacement, force: Sequence[str], normal_force: Sequence[str]) -> int:
-    """Predict what beams at named locations do, each alone, under every excitation and normal force."""
+    """Predict what beams at named locations do: each alone, under every excitation and normal force, or together."""
     from acquisition.quantities import measure
+
+    levels, forces = ([float(measure(text, "force")[0]) for text in each] for each in (force, normal_force))
+    return (_together if asked.together else _each_alone)(wanted, asked, levels, forces)
+
+
+def _each_alone(wanted: "Wanted", asked: FromPlacement, levels: Sequence[float], forces: Sequence[float]) -> int:
+    """Predict what each beam does at each location, with no other beam on the structure."""
     from ema.cli import screen
     from ema.study.placement_inputs import forecasts_at, placement_source
+    from ema.study.plain_forecast import mapping
 
-    places, beams = asked.place or (), asked.beam or ("",)
-    levels, forces = ([float(measure(text, "force")[0]) for text in each] for each in (force, normal_force))
-    locations = [_location(text, beam) for beam in beams for text in places]
+    locations = [_location(text, beam) for beam in asked.beam or ("",) for text in asked.place or ()]
     source = placement_source(wanted.measured, asked.recipe)
     with screen.Bars() as bars:
         task = source.task(bars)
@@ -55,18 +68,69 @@ def of_locations(wanted: "Wanted", asked: FromPlacement, force: Sequence[str], n
     written = _written(wanted, forecasts, task.modes)
     findings = list({(one.code, one.where, one.message): one for each in forecasts for one in each.findings}.values())
     if wanted.json:
-        from ema.study.plain_forecast import mapping
-
         screen.as_json({"forecasts": mapping(forecasts, task.modes), "written": [str(path) for path in written]})
         return status(findings, wanted.limit)
+    return _shown(wanted, _sentences(forecasts, task.modes), findings, written)
+
+
+def _together(wanted: "Wanted", asked: FromPlacement, levels: Sequence[float], forces: Sequence[float]) -> int:
+    """Predict what all beams do at the same time."""
+    from ema import show
+    from ema.cli import screen
+    from ema.file_names import safe_name
+    from ema.study import plain_forecast
+    from ema.study.placement_inputs import forecast_of_beams, placement_source
+
+    locations = _one_each(asked.place or (), asked.beam or ("",))
+    source = placement_source(wanted.measured, asked.recipe)
+    with screen.Bars() as bars:
+        task = source.task(bars)
+        result = forecast_of_beams(task, locations, force_levels=levels, normal_forces=forces, progress=bars)
+    forecast, stem = result.forecast, safe_name(wanted.measured.resolve().stem)
+    picture = {f"{stem}_forecast_together": show.forecast_bands(forecast)}
+    written = wanted.written(stem, {"bare": task.modes, "forecast_together": forecast}, picture)
+    written.append(wanted.folder / f"{stem}_prediction.csv")
+    columns = plain_forecast.columns_together(len(locations))
+    write_csv(written[-1], columns, plain_forecast.rows_together(result, task.modes))
+    if wanted.json:
+        answer = {"together": plain_forecast.mapping_together(result, task.modes)}
+        screen.as_json(answer | {"written": [str(path) for path in written]})
+        return status(list(forecast.findings), wanted.limit)
+    reading = plain_forecast.READINGS[forecast.method]
+    lines = [f"{forecast.beam}: 95 % bands from {forecast.draws} draws; {reading}."]
+    lines += [f"  {line}" for line in plain_forecast.lines_together(result, task.modes)]
+    return _shown(wanted, lines, list(forecast.findings), written)
+
+
+def _shown(wanted: "Wanted", lines: Sequence[str], findings: "list[Finding]", written: Sequence[Path]) -> int:
+    """Print what is predicted, findings and files; the exit status."""
+    from ema.cli import screen
+
     out = screen.console()
-    for line in _sentences(forecasts, task.modes):
+    for line in lines:
         out.print(line, soft_wrap=True)
     if not any(finding.code == "outside-recipe" for finding in findings):
         out.print("F_E and F_N lie within the ranges of the recipe.", soft_wrap=True)
     screen.show_findings(out, findings)
-    screen.show_written(out, written)
+    screen.show_written(out, list(written))
     return status(findings, wanted.limit)
+
+
+def _one_each(places: Sequence[str], beams: Sequence[str]) -> "list[Location]":
+    """Locations with a beam for all, or one for each.
+
+    Raises
+    ------
+    InputError : as many beams as neither.
+    """
+    if len(beams) not in (1, len(places)):
+        raise InputError(
+            "the beams do not fit the locations",
+            where="--beam",
+            got=f"{len(beams)} for {len(places)} locations",
+            expected="one for all, or one for each --place",
+        )
+    return [_location(text, beam) for text, beam in zip(places, [*beams] * (len(places) // len(beams)), strict=True)]
 
 
 def _sentences(forecasts: "Sequence[Forecast]", bare: "ModalModel") -> list[str]:

@@ -3,6 +3,8 @@
 from ema.public import attach
 
 _HOMES = {
+    "BeamsForecast": "ema.place.beams_forecast",
+    "BeamsSearch": "ema.place.beams_search",
     "Costs": "ema.place.trials",
     "ForecastSettings": "ema.place.bands",
     "KeptPlaces": "ema.place.shortlist",
@@ -16,6 +18,7 @@ _HOMES = {
     "distribute": "ema.place.recommend",
     "forecast": "ema.place.bands",
     "forecast_at": "ema.place.location",
+    "forecast_together": "ema.place.beams_forecast",
     "grid": "ema.place.candidates",
     "model_at": "ema.place.model",
     "next_tests": "ema.place.trials",
@@ -23,6 +26,7 @@ _HOMES = {
     "rank": "ema.place.ranking",
     "recommended_forces": "ema.place.objective",
     "search": "ema.place.ranking",
+    "search_together": "ema.place.beams_search",
     "updated": "ema.place.conditioning",
     "verify": "ema.place.shortlist",
 }

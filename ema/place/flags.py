@@ -86,7 +86,7 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
     """
     coupled = _Coupled.at(task, prediction.candidates, candidate, float(prediction.normal_forces[force]))
     where = f"rank {candidate + 1}"
-    findings = list(_about_overhang(task, prediction.candidates, candidate))
+    findings = list(about_overhang(task, prediction.candidates, candidate))
     for m, mode in enumerate(prediction.modes):
         omega = float(np.abs(task.bare.poles[mode]))
         for stuck in (True, False):
@@ -117,7 +117,7 @@ def flags(task: Task, prediction: Prediction, candidate: int, force: int) -> tup
     return tuple(findings)
 
 
-def _about_overhang(task: Task, candidates: Candidates, candidate: int) -> tuple[Finding, ...]:
+def about_overhang(task: Task, candidates: Candidates, candidate: int) -> tuple[Finding, ...]:
     """Whether an end of the beam lies beyond the measured rectangle."""
     angle = float(candidates.angles[candidate])
     half = 0.5 * candidates.catalogue[int(candidates.beams[candidate])].length

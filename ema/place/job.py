@@ -147,7 +147,7 @@ def refuse_disagreement(verdict: Verdict | None, where: str) -> None:
             where=where,
             got=" ".join(verdict.sentences),
             expected="a model that agrees",
-            advice="update the model, or place with --anyway",
+            advice="update the model; `ema place --anyway` places with it all the same",
         )
 
 

@@ -118,11 +118,11 @@ def forecast_at(
     table = recipe.forecast or ForecastTable.model_construct(normal_force=list(recipe.normal_force))
     levels = np.unique(list(force_levels) or table.force or recipe.force)
     forces = np.unique(list(normal_forces) or table.normal_force)
-    located = [_located(recipe, task.surface, location) for location in locations]
-    if not located:
+    beams = [located(recipe, task.surface, location) for location in locations]
+    if not beams:
         raise InputError("no location for the beam", where=where, expected="one or more locations")
     under_forces = task._replace(force_levels=levels, normal_forces=forces)
-    flagged = [_flags(under_forces, here) for here in located]
+    flagged = [_flags(under_forces, here) for here in beams]
     conditions, beyond = under_conditions(table, task, levels.tolist(), forces.tolist())
     settings = ForecastSettings(table.draws, table.seed, table.method)
     common = (
@@ -131,17 +131,17 @@ def forecast_at(
         *recipe.former_names,
         *hung,
         *beyond,
-        *_about_forces(recipe, levels, forces),
-        *_about_readings(recipe),
+        *about_forces(recipe, levels, forces),
+        *about_readings(recipe),
     )
     results = []
-    for here, own in zip(located, flagged, strict=True):
+    for here, own in zip(beams, flagged, strict=True):
         predicted = forecast(conditions, here, 0, settings, progress=progress)
         results.append(replace(predicted, findings=(*predicted.findings, *own, *common)))
     return tuple(results)
 
 
-def _located(recipe: PlaceRecipe, surface: Surface, location: Location) -> Candidates:
+def located(recipe: PlaceRecipe, surface: Surface, location: Location) -> Candidates:
     """The location as the one candidate, checked; beams with as many joints are those that a search compares.
 
     Raises
@@ -223,7 +223,7 @@ def _flags(task: Task, here: Candidates) -> tuple[Finding, ...]:
     return tuple(findings.values())
 
 
-def _about_forces(
+def about_forces(
     recipe: PlaceRecipe, levels: Float[np.ndarray, "level"], forces: Float[np.ndarray, "force"]
 ) -> tuple[Finding, ...]:
     """How far forces lie outside those that the recipe states for its ranges and for its forecast."""
@@ -257,7 +257,7 @@ def _about_forces(
     return tuple(findings)
 
 
-def _about_readings(recipe: PlaceRecipe) -> tuple[Finding, ...]:
+def about_readings(recipe: PlaceRecipe) -> tuple[Finding, ...]:
     """Whether the recipe has readings that the forecast of its own location is moved to."""
     count = len(recipe.trials.done) if recipe.trials is not None else 0
     if not count:

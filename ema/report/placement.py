@@ -57,6 +57,7 @@ def answers(placement: Placement) -> list[str]:
     """For the front page: how far to trust it, the place with its normal force, what a controlled one would add."""
     sentences = [placement.warning] if placement.warning else []
     sentences.append(answer(placement))
+    sentences += [one.in_words().message for one in placement.findings if one.code == "several-beams"]
     if placement.trials is not None:
         sentences.append(proposal(placement.trials))
     return [*sentences, *([placement.control.verdict] if placement.control is not None else [])]

@@ -207,6 +207,8 @@ def location_parts(
                 lines.append(_at_location(cells, values, before, known=known))
     far = any(finding.code == "outside-recipe" for one in forecasts for finding in one.findings)
     lines = [*first_ones(lines)]
+    if any(np.isnan(one.centre[0]) for one in forecasts):
+        lines.append(text("Beams that are listed together act at the same time; F_N is that of the beam pressed most."))
     lines.append(
         text("F_E or F_N lie outside the ranges of the recipe; the findings say by how much.")
         if far
@@ -220,8 +222,10 @@ def location_parts(
 
 
 def _location(forecast: Forecast) -> str:
-    """Beam, centre and angle."""
+    """Beam, centre and angle; of several beams together what lists them, for they have no common centre."""
     x, y = forecast.centre
+    if np.isnan(x):
+        return forecast.beam
     return text(
         "{beam} at ({x}, {y}) m, {angle}°",
         beam=forecast.beam or text("beam"),

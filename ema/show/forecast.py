@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ema.data.forecast import Forecast, ForecastCheck
-from ema.messages import text
+from ema.messages import mark, text
 from ema.show.style import BLACK, SERIES, new_figure, styled
 
 _OFFSET = 0.05
@@ -62,12 +62,14 @@ def forecast_bands(prediction: Forecast | ForecastCheck) -> Figure:
 def _panel(axes: Axes, forecast: Forecast, what: str, mode: int, scale: float) -> None:
     """The bands of one mode, one colour per normal force."""
     levels = np.asarray(forecast.force_levels)
+    # several beams together have no common centre, and may be pressed differently
+    named = mark("F_N = {force} N") if np.isfinite(forecast.centre[0]) else mark("largest F_N = {force} N")
     for force, normal in enumerate(forecast.normal_forces):
         colour = SERIES[force % len(SERIES)][0]
         low, high, middle = (scale * getattr(forecast, what + end)[mode, :, force] for end in ("_low", "_high", ""))
         at = _shifted(levels, force, len(forecast.normal_forces))
         axes.vlines(at, low, high, color=colour, lw=5, alpha=0.35)
-        axes.plot(at, middle, ls="none", marker="_", ms=9, color=colour, label=f"F_N = {normal:g} N")
+        axes.plot(at, middle, ls="none", marker="_", ms=9, color=colour, label=text(named, force=f"{normal:g}"))
     axes.set_xscale("log")
     axes.set_xticks(levels, [f"{level:g}" for level in levels])
     axes.minorticks_off()
