@@ -40,4 +40,4 @@ _HOMES = {
     "without_mount_mass": "ema.estimate.shaker_force",
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, _HOMES)
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES, {"hammer": "settings", "hammer_test": "settings"})

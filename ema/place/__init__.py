@@ -31,4 +31,4 @@ _HOMES = {
     "verify": "ema.place.shortlist",
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, _HOMES)
+__getattr__, __dir__, __all__ = attach(__name__, _HOMES, {"forecast": "settings", "search": "settings"})

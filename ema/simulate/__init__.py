@@ -67,4 +67,6 @@ _HOMES = {
     "swept_sine": "ema.simulate.waveforms",
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, _HOMES)
+__getattr__, __dir__, __all__ = attach(
+    __name__, _HOMES, {"beam": "section", "double_beam": "section", "plate_matrices": "plate"}
+)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ema.elements import Plate, Section, beam, double_beam, plate_matrices
+from ema.errors import InputError
 from ema.estimate import HammerSettings, hammer
 from ema.examples import campaign
 from ema.simulate import Masing
@@ -38,6 +39,13 @@ def test_settings_of_a_hammer_test_by_name():
         run = campaign()["bare"]
         former = hammer(run, "H2", decay=2.0)
     assert np.array_equal(former.values, hammer(run, HammerSettings("H2", decay=2.0)).values)
+
+
+def test_what_is_no_setting_is_answered_in_a_sentence():
+    with pytest.raises(InputError, match=r"ema.estimate.hammer, settings: .*expected HammerSettings"):
+        hammer(campaign()["bare"], settings=5)
+    with pytest.warns(DeprecationWarning), pytest.raises(InputError, match="run: not what this argument takes"):
+        hammer("bare", "H2")
 
 
 def test_what_is_no_argument_at_all_is_said_as_by_any_function():
