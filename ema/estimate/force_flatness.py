@@ -15,8 +15,6 @@ from jaxtyping import Bool, Complex, Float
 from ema.data import Finding
 from ema.estimate.spectra import Spectra
 
-CODE = "force-not-flat"
-"""Code of the finding, which the fit of the FRFs reads."""
 FLAT = 5.0
 """Range [dB] of the spectrum over `LINES` lines up to which it counts as flat. Structures that pull their force down by
 6 dB change it by 4 to 5 dB, and intervals of 37 of 39 damping ratios held that were corrected for a flat force; those
@@ -77,7 +75,7 @@ def about_force(
         findings.append(
             Finding.of(
                 "warning",
-                CODE,
+                "force-not-flat",  # which the fit of the FRFs reads
                 f"{where}, {name}",
                 "the force changes by {change} dB over {lines} lines at {frequency} Hz: what Hann blocks do to peaks "
                 "is not known, and the intervals of damping ratios hold the values with and without a correction.",

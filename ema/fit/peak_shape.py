@@ -171,7 +171,9 @@ def _of_parts(
     as_shapes = residues.reshape(outputs * inputs, poles)
     agreement = mac(as_shapes[:, [mode]], as_shapes)[0]
     alike = (agreement >= SAME_SHAPE) & (1 - agreement < SCATTERS * (scatter + scatter[mode]))
-    near = np.abs(fit.poles - fit.poles[mode]) < PART_REACH * -(fit.poles + fit.poles[mode]).real
+    distance, decay = np.abs(fit.poles - fit.poles[mode]), -fit.poles.real
+    # A pole of the background is as wide as the band, and near to everything by its own width.
+    near = (distance < PART_REACH * (decay + decay[mode])) & (distance < REACH * decay[mode])
     parts = np.flatnonzero(alike & near & ~accepted & accepted[mode] & (len(as_shapes) >= FEWEST_FRFS))
     return np.asarray(np.einsum("oip,pf->oif", residues[..., parts], 1 / (s - fit.poles[parts, None])))
 
