@@ -215,7 +215,8 @@ def processor_time(found: dict) -> list[Row]:
     """Processor time."""
     made = []
     for key, one in found["sizes"].items():
-        steady = one["worst over median"] is not None and one["worst over median"] <= 2
+        # One seed alone has no worst.
+        steady = one["runs"] > 1 and one["worst over median"] is not None and one["worst over median"] <= 2
         if one["goal ratio"] is not None:
             good = one["ratio"] is not None and one["ratio"] <= one["goal ratio"]
             goal, reached = f"≤ {one['goal ratio']:g} x poles of sdypy-EMA", f"{one['ratio'] or float('inf'):.3g}"

@@ -8,6 +8,13 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER: set[str] = {
+    "archive",
+    "fit, 160x1601",
+    "fit, 160x6401",
+    "fit, 900x4096",
+    "fit, random",
+    "large, 25000",
+    "large, 50000",
     "machines, map of 60 conditions",
     "machines, campaign of 40 runs",
     "recordings, 40 runs, welch",
