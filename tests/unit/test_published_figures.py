@@ -9,7 +9,6 @@ WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER: set[str] = {
     "fit, 900x4096",
-    "fit, random",
     "large, 25000",
     "large, 50000",
     "machines, map of 60 conditions",
