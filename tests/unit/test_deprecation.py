@@ -1,8 +1,15 @@
 """Calls as they were one release ago still do what they did, with a warning."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
+from beartype.roar import BeartypeCallHintViolation
 
+import ema.estimate
+import ema.place
+import ema.simulate
 from ema.elements import Plate, Section, beam, double_beam, plate_matrices
 from ema.errors import InputError
 from ema.estimate import HammerSettings, hammer
@@ -51,3 +58,26 @@ def test_what_is_no_setting_is_answered_in_a_sentence():
 def test_what_is_no_argument_at_all_is_said_as_by_any_function():
     with pytest.raises(TypeError, match="lenght"):
         beam(Section(0.5, 0.04, 0.005), lenght=0.5)
+
+
+def test_public_functions_that_take_former_arguments_put_them_together_before_they_are_compared():
+    """Functions decorated in the sources, against those that their packages name; it had been forgotten for ``hammer``."""
+    decorated = {
+        node.name
+        for path in Path(ema.__path__[0]).rglob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef)
+        and any("fields_as_arguments" in ast.unparse(one) for one in node.decorator_list)
+    }
+    packages = {
+        ema.simulate: {"beam", "double_beam", "plate_matrices"},
+        ema.estimate: {"hammer", "hammer_test"},
+        ema.place: {"forecast", "search"},
+    }
+    for package, names in packages.items():
+        assert names == decorated & set(dir(package))
+        for name in names:
+            # Put together first, these are no fields of the settings; compared first, they are no arguments.
+            with pytest.raises((InputError, TypeError, BeartypeCallHintViolation)) as refused:
+                getattr(package, name)(*["no setting"] * 4)
+            assert not str(refused.value).startswith(f"{package.__name__}.{name}, ")
