@@ -11,6 +11,7 @@ from typing import Any
 from acquisition.contents import Contents
 from acquisition.files import sniff
 from acquisition.files.layout import Layout
+from acquisition.files.printed_axis import restored
 from acquisition.files.sanity import examine
 from ema.data import Finding
 from ema.errors import EmaError, FailureError, InputError, MissingExtraError
@@ -223,7 +224,9 @@ def read(path: "str | PathLike[str]", format: str = "", **layout: Any) -> Conten
     adapter = import_module(kind.module)
     try:
         contents: Contents = adapter.read(path, options)
-        contents = replace(contents, findings=(*contents.findings, *examine(contents, options.sampling_rate)))
+        found = examine(contents, options.sampling_rate)
+        frfs, notes = restored(contents.frfs)
+        contents = replace(contents, frfs=frfs, findings=(*contents.findings, *found, *notes))
     except EmaError:
         raise
     except OSError as error:
