@@ -51,7 +51,7 @@ class JoinedCondensed(Condensed):
             alone = np.full(count, -1)
             ties = Couplings(alone, alone, np.zeros(count), np.zeros((0, 8)), np.zeros((3, 2)))
         self.ties, self.laws = ties, laws.one_by_one()
-        self.bounds = np.count_nonzero(laws.flexibility, axis=1), laws.capacity, laws.approach()
+        self.bounds = np.count_nonzero(laws.flexibility, axis=1), laws.capacity, laws.approach(), laws.rates
         self.exact, self.odd = False, contacts.normals == 0 and _mirrored(self.pressing)
         frequencies = self.problem.base.frequencies
         if not self.odd and frequencies.min() <= 1e-6 * frequencies.max():

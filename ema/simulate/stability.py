@@ -66,13 +66,15 @@ class PeriodMap:
     """The state one period of the force later, as so many steps make it.
 
     Coordinates are, in the root of J: displacements times frequency and velocities of the modes that the contacts see,
-    and for every friction spring (z - k u) / sqrt(k). LuGre's law, whose force depends on the velocity, adds the two
-    further states of each contact. What else a law keeps follows from these.
+    and for every friction spring (z - k u) / sqrt(k). A law whose force depends on velocities adds the two further
+    states of each contact. What else a law keeps follows from these.
     """
 
     def __init__(self, condensed: Condensed, point: _Point, steps: int) -> None:
         self.condensed, self.steps, problem = condensed, steps, condensed.problem
-        base, self.laws = problem.base, problem.laws
+        from ema.contact.call_kernels import WAY_BEFORE
+
+        base, self.laws, self._way = problem.base, problem.laws, WAY_BEFORE
         start, self.begun = condensed.start_in_time(point, steps)
         self.modes = np.flatnonzero(base.coupled | (base.damping is not None))
         self.slip = base.slip[:, self.modes]
@@ -87,17 +89,12 @@ class PeriodMap:
     def _remembered(self) -> Bool[np.ndarray, "contact state"]:
         """Which states of the laws are coordinates."""
         flexibility, kept = self.laws.flexibility, np.zeros(self.laws.flexibility.shape, bool)
-        for name, first, end, _, across, line in self.laws.groups:
+        for name, first, end, _, across, _ in self.laws.groups:
             for shift in {0, across}:
                 part = slice(first + shift, end + shift)
                 kept[part] = flexibility[part] > 0 if name != "normal" else False
-                if self._bristles(name, line):
-                    kept[part, :3] = True
+        kept[self.laws.rates, : self._way + 1] = True
         return kept
-
-    @staticmethod
-    def _bristles(name: str, line: str) -> bool:
-        return "lugre" in name or "lugre" in line
 
     def _stepper(self, state: _State) -> _Modes:
         h = 2 * np.pi / self.omega / self.steps
@@ -114,7 +111,7 @@ class PeriodMap:
         """Of the states: root of the stiffness of a spring; of its contact for what a law keeps besides."""
         contact = self.laws.stiffness[self._kept[0]]
         scale = np.sqrt(np.where(self.springs > 0, self.springs, contact))
-        way = (self._kept[1] == 2) & (self.springs == 0)
+        way = (self._kept[1] == self._way) & (self.springs == 0)
         return np.where(way, 1 / scale, scale)
 
     def coordinates(self, state: _State) -> Float[np.ndarray, "coordinate"]:
@@ -141,10 +138,8 @@ class PeriodMap:
         from ema.contact import normal_kernels as kernels
 
         force = np.where(self.laws.flexibility > 0, z, 0.0).sum(axis=1)
-        for name, first, end, _, across, line in self.laws.groups:
-            if self._bristles(name, line):
-                for shift in {0, across}:
-                    force[first + shift : end + shift] = z[first + shift : end + shift, :2].sum(axis=1)
+        force[self.laws.rates] = z[self.laws.rates, : self._way].sum(axis=1)
+        for name, first, end, *_ in self.laws.groups:
             if name == "normal":
                 ties = self.laws.couplings
                 assert ties is not None
@@ -184,7 +179,7 @@ class PeriodMap:
         contact = self._kept[0]
         # a spring moves by its own share of the motion
         own = np.where(self.springs > 0, np.sqrt(self.springs) * moved[contact], self._scales * moved[contact])
-        way = (self._kept[1] == 2) & (self.springs == 0)
+        way = (self._kept[1] == self._way) & (self.springs == 0)
         own = np.where(way, moved[contact] * 2 * np.pi / self.steps / self._scales, own)
         return np.concatenate([modes, modes, _NUDGE * np.maximum(own, _LEAST_NUDGE * size)])
 
