@@ -7,7 +7,8 @@ Friction springs are counted from where they would be unstressed, w = z - k u: o
 a multiplier of 1 that stands for a residual force, not for a loss of stability.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -58,6 +59,7 @@ _SAME, _FARTHEST = 3.0, 0.05
 """How far the first harmonic of the periodic motion may be from the harmonic solution: that many times its stated
 error, and at most; farther away, another steady state was reached."""
 _NOT_AGAIN = "the steady state was not found again from its slips"
+_NEAR_CIRCLE = "a multiplier is within its error of the unit circle"
 _SAMPLES = 64
 """Of a period, from which its first harmonic is made."""
 
@@ -317,6 +319,19 @@ def _periodic(period: PeriodMap, begun: np.ndarray, nudges: np.ndarray, size: fl
     return None
 
 
+def _ranked(values: np.ndarray, others: np.ndarray) -> Float[np.ndarray, "multiplier"]:
+    """Difference of the magnitude of every value from that of the same rank among ``others``; the surplus counts 0.
+
+    Magnitudes in their order depend continuously on a matrix, whichever multipliers belong to each other.
+    """
+    order, sizes = np.argsort(-np.abs(values), kind="stable"), np.zeros(len(values))
+    known = np.sort(np.abs(others))[::-1][: len(values)]
+    sizes[: len(known)] = known
+    out = np.zeros(len(values))
+    out[order] = np.abs(np.abs(values)[order] - sizes)
+    return out
+
+
 def _matched(values: np.ndarray, others: np.ndarray) -> Float[np.ndarray, "multiplier"]:
     """Distance of every value from the one of ``others`` that belongs to it; the surplus counts from 0."""
     padded = np.concatenate([others, np.zeros(max(len(values) - len(others), 0))])
@@ -468,11 +483,23 @@ def _closed(condensed: Condensed, point: _Point, steps: int, begun: np.ndarray |
     return _Closed(period, motion.begun, values, tuple(others), int((~motion.free).sum()) + families)
 
 
+def _errors(
+    distance: Callable[[np.ndarray, np.ndarray], np.ndarray], last: _Closed, half: _Closed, middle: _Closed
+) -> Float[np.ndarray, "multiplier"]:
+    """Errors by how far multipliers are apart of half as many steps, of three quarters of them, and of either side."""
+    values = last.values
+    changes = _SAFETY * distance(values, half.values), _BETWEEN[1] * distance(values, middle.values)
+    sides = [distance(values, other) for other in last.others]
+    return np.asarray(np.maximum(*changes) + np.maximum(*sides) + _LEAST_ERROR)
+
+
 def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
     """Floquet multipliers of a harmonic solution, with as many steps of the period as the verdict asks for.
 
     Every multiplier has as its error twice what half as many steps change, or six times what three quarters of them
-    change where that is more, and what differences forward and backward differ by.
+    change where that is more, and what differences forward and backward differ by. Of one inside the unit circle that
+    by this might be outside, it is the error of the magnitude: higher modes turn many times in a period, and the phase
+    of their multipliers hangs on where within steps contacts begin to slip.
     """
     steps, last = _STEPS, None
     result = _open("the time solver has no periodic motion near the harmonic solution")
@@ -483,15 +510,17 @@ def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
             last = known[count] = _closed(condensed, point, count, None if last is None else last.begun)
         half, middle = known.get(steps // 2), known.get(between)
         if last is not None and half is not None and middle is not None:
-            values = last.values
-            changes = _SAFETY * _matched(values, half.values), _BETWEEN[1] * _matched(values, middle.values)
-            errors = np.maximum(*changes) + _LEAST_ERROR
-            errors += np.maximum(*(_matched(values, other) for other in last.others))
+            values, errors = last.values, _errors(_matched, last, half, middle)
+            # steps turn multipliers of higher modes by a phase that says nothing of whether they decay
+            turned = (np.abs(values) < 1.0) & (np.abs(values) + errors >= 1.0)
+            errors = np.where(turned, np.minimum(errors, _errors(_ranked, last, half, middle)), errors)
             result = _result(condensed, point, last.period, (last.begun, values, errors, last.sticking))
             margin = np.maximum(_ACCURATE, _OF_MARGIN * np.abs(np.abs(values) - 1.0))
             if np.all(errors <= margin) and result.verdict != UNDECIDED:
                 break
         steps *= 2
+    if result.verdict == UNDECIDED and not result.reason:
+        return replace(result, reason=_NEAR_CIRCLE)
     return result
 
 
