@@ -24,6 +24,9 @@ ROWS = 10
 ADDRESS, FIRST, END, OWN, ACROSS, LINE = range(6)
 COLUMNS = 6
 """Columns of that table."""
+BRISTLE, BY_RATE, WAY_BEFORE = range(3)
+"""States of a law whose force depends on velocities: the force of its bristles, what the velocity adds to it, and the
+way in the increment before, from which the velocity at the end of the next one is extrapolated."""
 
 _TABLE = nb.float64[:, ::1]
 _TABLES, _STATES = types.Tuple((_TABLE, nb.float64[:, :, ::1])), types.UniTuple(_TABLE, 2)

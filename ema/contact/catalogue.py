@@ -10,7 +10,8 @@ from ema.errors import InputError
 class Parameter:
     """A number of a law: name, unit, default, meaning; ``low`` and ``high`` are allowed unless ``open_below``.
 
-    Of a list, one number per spring, as ``several`` says; it has no default.
+    Of a list, one number per spring, as ``several`` says; it has no default. ``shared``: pairs of a joint share it, as
+    it is that of the whole joint.
     """
 
     name: str
@@ -21,6 +22,7 @@ class Parameter:
     high: float = float("inf")
     open_below: bool = True
     several: bool = False
+    shared: bool = False
 
     @property
     def key(self) -> str:
@@ -47,7 +49,8 @@ class KnownLaw:
     """A built-in law: its name, the compiled function that takes its increments, its parameters, its source.
 
     ``plane``: that for isotropic friction in two directions. ``above``: the parameter, if any, that states the largest
-    friction force of slow motion over F_C. ``instead``: what a file may state in the place of k_T.
+    friction force of slow motion over F_C. ``instead``: what a file may state in the place of k_T. ``rates``: whether
+    the force depends on velocities besides displacements; its states are then those of ``call_kernels``.
     """
 
     name: str
@@ -58,6 +61,7 @@ class KnownLaw:
     plane: str = PROJECTED
     above: str = ""
     instead: tuple[Parameter, ...] = ()
+    rates: bool = False
 
 
 _BETA = Parameter("beta", "-", 1.0, "stiffness of the spring that slips last over that of the others", open_below=False)
@@ -188,17 +192,23 @@ CATALOGUE: dict[str, KnownLaw] = {
             "lugre",
             "LuGre",
             (
-                Parameter("bristle damping", "N s/m", 0.0, "sigma_1 of the whole joint", open_below=False),
-                Parameter("viscous", "N s/m", 0.0, "sigma_2 of the whole joint", open_below=False),
+                Parameter("bristle damping", "N s/m", 0.0, "sigma_1 of the whole joint", open_below=False, shared=True),
+                Parameter("viscous", "N s/m", 0.0, "sigma_2 of the whole joint", open_below=False, shared=True),
                 Parameter("static ratio", "-", 1.0, "F_S/F_C", low=1.0, open_below=False),
                 Parameter("stribeck velocity", "m/s", 1e-3, "at which F_S - F_C has fallen to 1/e of itself"),
             ),
             "LuGre (Canudas de Wit et al. 1995)",
             "plane_lugre",
             above="static ratio",
+            rates=True,
         ),
     )
 }
+
+
+def knows_velocities(name: str) -> bool:
+    """Whether the force of a law depends on velocities besides; no law of the user's own does."""
+    return name in CATALOGUE and CATALOGUE[name].rates
 
 
 def checked(name: str, *values: float) -> tuple[tuple[str, float], ...]:

@@ -8,7 +8,7 @@ whatever it is.
 import numpy as np
 
 from ema.compiled import compiled, fast, inner
-from ema.contact.call_kernels import ADDRESS, FORCE, LIMIT, STIFFNESS, WAY, increments
+from ema.contact.call_kernels import ADDRESS, FORCE, LIMIT, STIFFNESS, WAY, WAY_BEFORE, increments
 
 _NUDGE, _SETTLED, _LEAST = 1e-7, 1e-10, 1e-6
 """Changes over the slip force for differences: they keep half the digits, and Newton's method needs few. Change of the
@@ -39,11 +39,12 @@ def lag(way):
 def tangents(law, lanes, rate, capacity, changes, out):
     """How internal forces and force after a step change with what goes in.
 
-    ``changes``: whether the slip force does, and room (state,). out: internal forces (state, lane, lane) by those
-    before, which do not see each other; the same by the way; (state, lane) by the slip force; the force (lane, lane) by
-    the way. The step itself has been taken.
+    ``changes``: whether the slip force does, whether the law knows velocities, and room (state,). out: internal forces
+    (state, lane, lane) by those before, which do not see each other; the same by the way; (state, lane) by the slip
+    force; and what the force of a law that knows velocities has besides (4, lane, lane), by the internal force before,
+    the way, the way before and the slip force. The step itself has been taken.
     """
-    (by_state, by_way, by_limit, rise), (slides, kept) = out, changes
+    (by_state, by_way, by_limit, beside), (slides, rates, kept) = out, changes
     exchange, before, after, spare = law[3], law[4][0], law[4][1], law[4][2]
     first = lanes[0]
     k, limit = exchange[STIFFNESS, first], exchange[LIMIT, first]
@@ -59,15 +60,24 @@ def tangents(law, lanes, rate, capacity, changes, out):
             change, row[w] = row[w] - kept[w], kept[w]
             for o in range(len(lanes)):
                 by_state[w, o, d] = (spare[lanes[o], w] - after[lanes[o], w]) / change if change != 0.0 else 0.0
+            if rates and w == 0:
+                for o in range(len(lanes)):
+                    beside[0, o, d] = (exchange[FORCE, lanes[o]] - force[o]) / change - by_state[0, o, d]
         way = exchange[WAY, lanes[d]]
         exchange[WAY, lanes[d]] += nudge / k if way >= 0.0 else -nudge / k
         step(law, first, rate, spare)
         change, exchange[WAY, lanes[d]] = exchange[WAY, lanes[d]] - way, way
         for o in range(len(lanes)):
-            rise[o, d] = (exchange[FORCE, lanes[o]] - force[o]) / change
             for w in range(len(kept)):
                 by_way[w, o, d] = (spare[lanes[o], w] - after[lanes[o], w]) / change
-                rise[o, d] -= by_way[w, o, d]
+            beside[1, o, d] = (exchange[FORCE, lanes[o]] - force[o]) / change - by_way[0, o, d]
+        if rates:
+            ago = before[lanes[d], WAY_BEFORE]
+            before[lanes[d], WAY_BEFORE] += nudge / k
+            step(law, first, rate, spare)
+            change, before[lanes[d], WAY_BEFORE] = before[lanes[d], WAY_BEFORE] - ago, ago
+            for o in range(len(lanes)):
+                beside[2, o, d] = (exchange[FORCE, lanes[o]] - force[o]) / change
     if slides:
         exchange[LIMIT, first] = limit + nudge
         step(law, first, rate, spare)
@@ -75,13 +85,31 @@ def tangents(law, lanes, rate, capacity, changes, out):
         for w in range(len(kept)):
             for o in range(len(lanes)):
                 by_limit[w, o] = (spare[lanes[o], w] - after[lanes[o], w]) / nudge
+        for o in range(len(lanes)):
+            beside[3, o, 0] = (exchange[FORCE, lanes[o]] - force[o]) / nudge - by_limit[0, o]
+
+
+@inner
+def surplus(beside, rows, tangent, slides, out):
+    """Tangents (lane, member, 2 H) of what a force has besides its internal force, before that is carried on."""
+    moved, opened, earlier = rows[0], rows[1], rows[3]
+    lanes = tangent.shape[1]
+    for o in range(lanes):
+        for m in range(lanes + 1):
+            for c in range(out.shape[2]):
+                more = beside[1, o, m] * moved[c] + beside[2, o, m] * earlier[c] if m < lanes else 0.0
+                if m == lanes and slides:
+                    more = beside[3, o, 0] * opened[c]
+                for d in range(lanes):
+                    more += beside[0, o, d] * tangent[0, d, m, c]
+                out[o, m, c] = more
 
 
 @inner
 def carry(out, moved, opened, slides, tangent):
     """Tangents (state, lane, member, 2 H) of the internal forces from sample to sample; the last member is the slip
     force, which changes by ``opened``."""
-    by_state, by_way, by_limit, _ = out
+    by_state, by_way, by_limit = out[0], out[1], out[2]
     lanes = tangent.shape[1]
     for w in range(tangent.shape[0]):
         for m in range(lanes + 1):
@@ -147,14 +175,14 @@ def gather(n, wave, deviation, forces):
 @inner
 def owe(n, wave, contact, tangent, sums, derive):
     """Add sample n to the forces (lane, 2 H), once the cycle is closed, and keep what they change by there."""
-    (k, displacement, force, rise, moved), (forces, changes) = contact, sums
+    (k, displacement, force, aside), (forces, changes) = contact, sums
     basis, lanes = wave[0], tangent.shape[1]
     for o in range(lanes):
         gather(n, wave, force[o] - k * displacement[o, n], forces[o])
         for m in range(lanes + 1 if derive else 0):
             change = changes[o, m, n]
             for c in range(len(change)):
-                change[c] = rise[o, m] * moved[c] if m < lanes else 0.0
+                change[c] = aside[o, m, c]
                 if m == o:
                     change[c] -= k * basis[n, c]
                 for w in range(tangent.shape[0]):
@@ -189,21 +217,23 @@ def cycle(law, contact, wave, derive):
     """Fourier coefficients (lane, 2 H) of f - k u of one contact, their Jacobian, and the loss per period.
 
     law: ``ContactLaws.one_by_one``. contact: its rows, motion (lane, sample), slip force (sample,) with its slope by
-    the gap, and number of internal forces, their share of the slip force, whether the law approaches it smoothly. wave:
+    the gap, and number of internal forces, their share of the slip force, whether the law approaches it smoothly, and
+    whether it knows velocities. wave:
     cos and sin (sample, 2 H), weights (2 H,) of their integrals, 1/h, and periods at most. The Jacobian (lane, member,
     2 H, 2 H) is by the motion of the lanes, then by that of the gap. Without ``derive`` it is 0.
 
     The first period brings what springs keep that stick from then on; further ones close the cycle; one more closes the
     tangents, and the last one is summed.
     """
-    (lanes, _, slip, (width, _, _)), periods, (samples, size) = contact, wave[3], wave[0].shape
+    (lanes, _, slip, (width, _, _, _)), periods, (samples, size) = contact, wave[3], wave[0].shape
     states, count, slides = law[4], len(lanes), bool(np.any(slip[1] != 0.0))
     forces, jacobian = np.zeros((count, size)), np.zeros((count, count + 1, size, size))
     changes = np.zeros((count, count + 1, samples if derive else 1, size))
-    by, by_limit, rise = np.zeros((2, width, count, count)), np.zeros((width, count)), np.zeros((count, count))
-    tangent, rows = np.zeros((width, count, count + 1, size + 1)), np.zeros((3, size + 1))
+    by, by_limit, beside = np.zeros((2, width, count, count)), np.zeros((width, count)), np.zeros((4, count, count))
+    tangent, rows = np.zeros((width, count, count + 1, size + 1)), np.zeros((4, size + 1))
     begun, old, kept = tangent.copy(), np.zeros((count, width)), np.zeros(width)
-    out, room, force, lost, stage = (by[0], by[1], by_limit, rise), (rows, kept), np.zeros(4), 0.0, LEARN
+    out, room = (by[0], by[1], by_limit, beside), (rows, kept, np.zeros((count, count + 1, size)))
+    force, lost, stage = np.zeros(4), 0.0, LEARN
     now = forces, changes
     for o in range(count):
         states[:, lanes[o]] = 0.0
@@ -247,8 +277,8 @@ def follow(law, contact, wave, place, books):
     follows a gap, and whether tangents are asked for. books: tangents of the step, room, tangents of the internal
     forces, forces now and before, sums.
     """
-    (basis, _, rate, _), (lanes, motion, (limit, fall), (_, capacity, smooth)) = wave, contact
-    (n, ago, stage, slides, derive), (out, (rows, kept), tangent, force, sums) = place, books
+    (basis, _, rate, _), (lanes, motion, (limit, fall), (_, capacity, smooth, rates)) = wave, contact
+    (n, ago, stage, slides, derive), (out, (rows, kept, aside), tangent, force, sums) = place, books
     exchange, states, moved, opened, grown = law[3], law[4], rows[0], rows[1], rows[2]
     k, square, begun, lost = exchange[STIFFNESS, lanes[0]], 0.0, ago > -len(limit), 0.0
     before = ago if begun else n
@@ -264,17 +294,20 @@ def follow(law, contact, wave, place, books):
     force[0], force[1] = exchange[FORCE, lanes[0]], exchange[FORCE, lanes[-1]]
     if derive and stage != SETTLE:
         for c in range(basis.shape[1]):
+            rows[3, c] = moved[c]
             moved[c] = basis[n, c] - (basis[before, c] if begun else 0.0)
             grown[c] = fall[n] * basis[n, c]
             opened[c] = (1.0 - weight) * grown[c] + weight * fall[before] * basis[before, c]
-        tangents(law, lanes, rate, capacity, (slides, kept), out)
+        tangents(law, lanes, rate, capacity, (slides, rates, kept), out)
+        if rates:
+            surplus(out[3], rows, tangent, slides, aside)
         carry(out, moved, opened, slides, tangent)
     dx, dy = hold(states[1], lanes, limit[n], capacity, grown, tangent)
     force[0], force[1] = force[0] + dx, force[1] + dy
     if stage == SUM:
         for o in range(len(lanes)):
             lost += 0.5 * (force[o] + force[2 + o]) * exchange[WAY, lanes[o]]
-        owe(n, wave, (k, motion, force, out[3], moved), tangent, sums, derive)
+        owe(n, wave, (k, motion, force, aside), tangent, sums, derive)
     for o in range(len(lanes)):
         for w in range(states.shape[2]):
             states[0, lanes[o], w] = states[1, lanes[o], w]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ema.contact.catalogue import CATALOGUE, PROJECTED
+from ema.contact.catalogue import CATALOGUE, PROJECTED, KnownLaw
 from ema.contact.contract import broken
 from ema.contact.curves import bouc_wen_shape, tables
 from ema.contact.iwan import springs_of
@@ -39,10 +39,11 @@ _OWN = 4
 _MODULES = {"spring": "springs", "rough": "springs", "own_in_steps": "own"} | dict.fromkeys(
     (law.plane for law in CATALOGUE.values()), "plane"
 )
-_ELASTIC, _STATES = ("spring", "springs", "rough"), {"bouc_wen": 3, "lugre": 3, "plane_lugre": 3, "normal": 2}
-_ROUGH, _ABOVE = ("rough", "plane_rough"), ("lugre", "plane_lugre")
+_ELASTIC, _STATES = ("spring", "springs", "rough"), {"bouc_wen": 3, "normal": 2}
+_ROUGH, _OF_VELOCITIES = ("rough", "plane_rough"), 3
 _SPRINGS = ("springs", "plane_springs", *_ROUGH)
-"""Functions for many springs, and those whose forces may stay above a slip force that falls."""
+"""Elastic functions, and states of a function where it is not one; functions for rough contact, and states of a law
+whose force depends on velocities; functions for many springs."""
 _LEAST = 1e-3
 """Slip force over that at rest below which an open contact is taken as just closed, where derivatives are made."""
 
@@ -78,7 +79,8 @@ class ContactLaws:
     many rows further the contacts in the other direction are (0: none), and the law that such a law calls.
     ``flexibility`` (contact, state) in m/N of the spring whose force a state is, 0 for any other state: the energy that
     a contact can give back is the sum of flexibility * force^2 / 2. ``capacity`` (contact, state) is the share of the
-    slip force that bounds a force when the slip force falls, infinite where it may stay above.
+    slip force that bounds a force when the slip force falls, infinite where it may stay above. ``rates`` (contact,):
+    whether the force depends on velocities besides.
     """
 
     groups: tuple[tuple[str, int, int, Any, int, str], ...]
@@ -87,6 +89,7 @@ class ContactLaws:
     curves: Float[np.ndarray, "curve 3 size"]
     flexibility: Float[np.ndarray, "contact state"]
     capacity: Float[np.ndarray, "contact state"]
+    rates: Bool[np.ndarray, "contact"]
     couplings: Couplings | None = None
 
     @property
@@ -128,6 +131,7 @@ class ContactLaws:
             self.curves,
             self.flexibility[:0],
             self.capacity[:0],
+            self.rates[:0],
             None if ties is None else Couplings(none, none, np.zeros(0), ties.normals[:0], ties.curve),
         )
 
@@ -135,10 +139,10 @@ class ContactLaws:
         """The first contact ``count`` times."""
         rows = [
             np.repeat(part[:1], count, axis=0)
-            for part in (self.stiffness, self.parameters, self.flexibility, self.capacity)
+            for part in (self.stiffness, self.parameters, self.flexibility, self.capacity, self.rates)
         ]
         (name, _, _, *rest), *_ = self.groups
-        return ContactLaws(((name, 0, count, *rest),), rows[0], rows[1], self.curves, rows[2], rows[3])
+        return ContactLaws(((name, 0, count, *rest),), *rows[:2], self.curves, *rows[2:])
 
     def one_by_one(self) -> tuple[np.ndarray, ...]:
         """What a kernel takes that follows the contacts one after the other: a row of ``groups`` for each of them,
@@ -188,13 +192,6 @@ class ContactLaws:
         out = np.ones(len(self.stiffness), np.bool_)
         for name, first, end, *_ in self.groups:
             out[first:end] = name not in (*_ELASTIC, *_SPRINGS)
-        return out
-
-    def rates(self) -> Bool[np.ndarray, "contact"]:
-        """Whether the force of every contact depends on velocities besides."""
-        out = np.zeros(len(self.stiffness), np.bool_)
-        for name, first, end, *_ in self.groups:
-            out[first:end] = name == "lugre"
         return out
 
     def stored_energy(self, state: Float[np.ndarray, "contact state"]) -> float:
@@ -387,10 +384,10 @@ def assembled(
             extra, values = len(shares), np.concatenate([k * shares, force_shares])
         elif line == "bouc_wen":
             values = bouc_wen_shape(values[0], values[1] if len(values) > 1 else 0.5, curves)
-        elif line == "lugre":
-            values = values / np.array([pairs, pairs, 1.0, 1.0])
         elif line in ("own", "own_in_steps"):
             extra, values = REGISTERED[law.name][1], np.concatenate([values, np.zeros(_OWN)])[:_OWN]
+        else:
+            values = values / _sharing(law, pairs)
         keys.append((name, extra, across, line if name == PROJECTED else "") if across >= 0 else None)
         rows.append(values)
     table = tables(curves)
@@ -408,7 +405,16 @@ def assembled(
     for i, values in enumerate(rows):
         parameters[i, : len(values)] = values
     stiffnesses = np.asarray(stiffness, np.float64)
-    return ContactLaws(tuple(groups), stiffnesses, parameters, table, *_bounds(groups, stiffnesses, rows), couplings)
+    known = [CATALOGUE.get(law.name) for law in laws] + [None] * (len(rows) - len(laws))
+    rates = np.array([one is not None and one.rates for one in known], np.bool_)
+    bounds = _bounds(groups, stiffnesses, rows, known)
+    return ContactLaws(tuple(groups), stiffnesses, parameters, table, *bounds, rates, couplings)
+
+
+def _sharing(law: FrictionLaw, pairs: int) -> Float[np.ndarray, "parameter"]:
+    """How many pairs share every parameter of a law."""
+    parameters = CATALOGUE[law.name].parameters if law.name in CATALOGUE else ()
+    return np.array([pairs if parameter.shared else 1.0 for parameter in parameters])
 
 
 def _own_kernel(law: FrictionLaw, k: float, as_it_is: bool) -> str:
@@ -444,14 +450,20 @@ def _with_curve(table: np.ndarray, curve: np.ndarray) -> Float[np.ndarray, "curv
 
 
 def _bounds(
-    groups: Sequence[tuple[str, int, int, Any, int, str]], stiffness: np.ndarray, rows: Sequence[np.ndarray]
+    groups: Sequence[tuple[str, int, int, Any, int, str]],
+    stiffness: np.ndarray,
+    rows: Sequence[np.ndarray],
+    known: Sequence[KnownLaw | None],
 ) -> tuple[Float[np.ndarray, "contact state"], Float[np.ndarray, "contact state"]]:
     """Flexibility and capacity of the springs of all contacts."""
     states = max(_STATES.get(line or name, own if name in _SPRINGS else 1) for name, _, _, own, _, line in groups)
+    above = [one is not None and bool(one.above) for one in known]
+    if any(one is not None and one.rates for one in known):
+        states = max(states, _OF_VELOCITIES)
     flexibility, capacity = np.zeros((len(rows), states)), np.full((len(rows), states), np.inf)
     for name, first, end, own, across, _ in groups:
         for i in [*range(first, end), *(range(first + across, end + across) if across else ())]:
-            flexibility[i, 0], capacity[i, 0] = 1 / stiffness[i], np.inf if name in _ABOVE else 1.0
+            flexibility[i, 0], capacity[i, 0] = 1 / stiffness[i], np.inf if above[i] else 1.0
             if name in _ROUGH:
                 # what its springs bear falls otherwise than in proportion: the law itself brings their forces down
                 flexibility[i, :own], capacity[i] = 1 / rows[i][:own], np.inf

@@ -5,6 +5,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Complex
 
+from ema.contact.catalogue import knows_velocities
 from ema.data import FrictionLaw
 from ema.errors import InputError
 from ema.simulate import loop
@@ -23,7 +24,7 @@ def secant_table(name: str, parameters: tuple[tuple[str, float], ...]) -> Comple
     ------
     InputError : the law depends on velocity, or is rigid.
     """
-    if name == "lugre":
+    if knows_velocities(name):
         raise InputError(
             "the predictor takes no law that depends on velocity",
             where=f"law {name}",

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ema.data.stability import STABLE, UNSTABLE, SteadyStateCurve
+from ema.data.stability import STABLE, UNDECIDED, UNSTABLE, SteadyStateCurve
 from ema.messages import text
 from ema.show.style import BLACK, SERIES, empty_note, new_figure, styled
 
@@ -18,7 +18,8 @@ _STYLES = {STABLE: "-", UNSTABLE: "--"}
 def steady_state_curves(curves: Sequence[SteadyStateCurve], labels: Sequence[str] = ()) -> Figure:
     """Draw the first harmonic of the first DOF per newton along curves: solid where stable, dashed where unstable.
 
-    Parts whose stability is undecided are dotted. Curves of one label have one colour.
+    Parts whose stability is undecided are dotted. Curves of one label have one colour. The legend has the verdicts that
+    are drawn.
 
     Parameters
     ----------
@@ -60,9 +61,11 @@ def steady_state_curves(curves: Sequence[SteadyStateCurve], labels: Sequence[str
     axes.set_xlabel(text("Frequency [Hz]"))
     axes.set_ylabel(f"|X({curves[0].dofs[0]})| / F [µm/N]")
     lines = [Line2D([], [], color=colour, label=name) for name, colour in colours.items()]
+    drawn = {curve.verdicts[first] for curve in curves for first, _ in _stretches(curve.verdicts)}
     lines += [
-        Line2D([], [], color=BLACK, ls=style, label=word)
-        for style, word in (("-", text("stable")), ("--", text("unstable")), (":", text("undecided")))
+        Line2D([], [], color=BLACK, ls=_STYLES.get(verdict, ":"), label=word)
+        for verdict, word in ((STABLE, text("stable")), (UNSTABLE, text("unstable")), (UNDECIDED, text("undecided")))
+        if verdict in drawn
     ]
     axes.legend(handles=lines, loc="best", fontsize="small")
     return figure

@@ -29,6 +29,8 @@ _BUDGETS = 20
 _FEWEST, _FEWER, _SPARE = 9, 0.8, 0.1
 """Harmonics at least; the share of them that the next point begins with where the error is below that part of the
 tolerance."""
+_EDGE = 1e-9
+"""Share of the band within which a point is at its edge: rounding."""
 _CLOSED = 0.75
 """Distance of a point from the first one, over the length of a step, at which a curve is closed."""
 NO_POINT = "no steady state was found at the shortest step"
@@ -160,6 +162,27 @@ class _Walk:
         else:
             self.go_on(narrow[1])
 
+    def end_at_edge(self, before: np.ndarray) -> None:
+        """The last point, which is beyond an edge of the band, at the edge itself: from the straight line to it.
+
+        Where there is no solution at that frequency, as behind a corner of the curve, the point beyond stays.
+        """
+        last = self.points[-1]
+        count = (len(last) - 1) // (2 * len(self.condensed.limits))
+        begin, edge = self.resized(before, count), float(last[-1] > 0.5)
+        if abs(last[-1] - edge) <= _EDGE or last[-1] == begin[-1]:
+            return
+        ahead = begin + (edge - begin[-1]) / (last[-1] - begin[-1]) * (last - begin)
+        kept, self.tangent = self.tangent, np.append(np.zeros(len(last) - 1), 1.0)
+        ahead[-1] = edge
+        found = self.across(ahead, self.tangent, count)
+        if found is None:
+            self.tangent = kept
+            return
+        solution, reached, raw = self.judged(*found)
+        error = max(raw, LEAST_ERROR * self.condensed.tolerance) if solution.slips.any() else 0.0
+        self.points[-1], self.errors[-1] = reached, min(error, 1.0)
+
     def widened(self) -> bool:
         """Go on with more harmonics than the point has; whether there is one."""
         if self.condensed.harmonics or self.count >= self.condensed.most_orders:
@@ -171,7 +194,7 @@ class _Walk:
 
 
 def follow(condensed: Condensed, point: _Point, edges: tuple[float, float], sign: float) -> Followed:
-    """The curve from a solution on, with ``sign`` upward or downward at first; it ends beyond the band or closed.
+    """The curve from a solution on, with ``sign`` upward or downward at first; it ends at an edge or closed.
 
     ``edges``: of the band, in rad/s. ``reasons`` say why it was lost, where it was.
     """
@@ -209,7 +232,8 @@ def _walked(walk: _Walk, first: np.ndarray, direction: np.ndarray) -> tuple[str,
         before, turned = walk.points[-1], None
         walk.step_to(*found)
         count = (len(walk.points[-1]) - 1) // (2 * len(walk.condensed.limits))
-        if not -1e-9 <= walk.points[-1][-1] <= 1 + 1e-9:
+        if not -_EDGE <= walk.points[-1][-1] <= 1 + _EDGE:
+            walk.end_at_edge(before)
             return "edge", ""
         begin, start, heading = (walk.resized(part, count) for part in (before, first, direction))
         if len(walk.points) > 5 and _passes(begin, walk.points[-1] - begin, start, heading):

@@ -123,7 +123,7 @@ class Condensed:
         self.squares, self.decay = base.frequencies[self.coupled] ** 2, base.decay[self.coupled]
         self.load = self.force * base.row(self.problem.system, self.driven)
         self.limits, self.stiffness = np.ascontiguousarray(contacts.limits), np.ascontiguousarray(contacts.stiffness)
-        self.springs, self.rates = self.problem.laws.springs(), self.problem.laws.rates()
+        self.springs, self.rates = self.problem.laws.springs(), self.problem.laws.rates
         self.exact = bool((self.springs[0] > 0).all())
         self.members = np.arange(len(self.limits))[:, None].copy()
         self.odd, self.fine, self.left, self.share = True, 1, self.budget, 1.0
@@ -138,7 +138,7 @@ class Condensed:
 
     @cached_property
     def quadrature(self) -> tuple[Any, Any]:
-        """What the kernels take for laws that are no Masing springs: those without rates, and LuGre."""
+        """What the kernels take for laws that are no Masing springs: those without rates, and those with."""
         laws = self.problem.laws
         smooth = (self.springs[0] == 0) & ~self.rates
         bristles = (self.rates, laws.parameters) if self.rates.any() else None

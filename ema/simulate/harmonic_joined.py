@@ -16,13 +16,20 @@ from jaxtyping import Float
 from ema.contact.laws import Couplings
 from ema.data import Finding, HarmonicResponse
 from ema.errors import InputError
-from ema.simulate.harmonic import Condensed, _Point, with_harmonics
+from ema.simulate.harmonic import LEAST_ERROR, SAFETY, Condensed, _Point, with_harmonics
 from ema.simulate.transient import _State
+from ema.simulate.verification import settled_from_rest
 
 _MOST_PERIODS = 40
 """Periods within which the states of a law have to close: a bound on the work."""
 _STEEPEST = 4.0
 """Largest factor on the exciting force, or on the slip forces, in a step towards them."""
+_SHARE = 0.02
+"""Share of the budget for a start, and for each number of harmonics that begins with the motion in time."""
+_TIME_STARTS = (7, 14, 28)
+"""Harmonics with which a motion in time is a start, the next one where the one before leads nowhere."""
+_FINER, _SETTLED_FINE = 4, 4
+"""Factor on the steps of a motion in time that judges it, and on the samples of its forces."""
 _LOOSE = 0.03
 """Weight of the error of sampling against that of the quadrature of single contacts."""
 
@@ -51,7 +58,7 @@ class JoinedCondensed(Condensed):
             alone = np.full(count, -1)
             ties = Couplings(alone, alone, np.zeros(count), np.zeros((0, 8)), np.zeros((3, 2)))
         self.ties, self.laws = ties, laws.one_by_one()
-        self.bounds = np.count_nonzero(laws.flexibility, axis=1), laws.capacity, laws.approach()
+        self.bounds = np.count_nonzero(laws.flexibility, axis=1), laws.capacity, laws.approach(), laws.rates
         self.exact, self.odd = False, contacts.normals == 0 and _mirrored(self.pressing)
         frequencies = self.problem.base.frequencies
         if not self.odd and frequencies.min() <= 1e-6 * frequencies.max():
@@ -142,6 +149,63 @@ class JoinedCondensed(Condensed):
 
         found = self._raised(pushed, share, start, _STEEPEST)
         return self._raised(partial(self._levelled, omega, gains), 0.01, start, _STEEPEST) if found is None else found
+
+    def _tried(self, frequency: float, start: np.ndarray | None) -> _Point | None:
+        """The solution from the start, or from the motion in time; from wider starts where neither leads to one.
+
+        Where contacts part in every period the path from a small force to the whole one has many corners, and takes
+        longer than a motion from rest takes to settle.
+        """
+        budget = self.left
+        self.left = int(_SHARE * budget)
+        point = self._solved(frequency, start)
+        if point is None or point.error > self.tolerance:
+            settled = self._from_time(frequency)
+            if point is None or (settled is not None and settled.error < point.error):
+                point = settled
+        self.left += budget - int(_SHARE * budget)
+        return super()._tried(frequency, start) if point is None else point
+
+    def _from_time(self, frequency: float) -> _Point | None:
+        """The solution reached from a motion from rest that has settled, or that motion where Newton's method fails."""
+        omega = 2 * np.pi * frequency
+        path = settled_from_rest(self, omega)
+        if path is None:
+            return None
+        best: _Point | None = None
+        for count in [self.harmonics] if self.harmonics else _TIME_STARTS:
+            self.left, self.fine = int(_SHARE * self.budget), 1
+            found = self._newton(omega, self._spectrum(path, count), self.gains(omega, count))
+            point = None if found is None else self._solved(frequency, found[1])
+            if point is not None and (best is None or point.error < best.error):
+                best = point
+            if best is not None and best.error <= self.tolerance:
+                return best
+        finer = settled_from_rest(self, omega, _FINER * path.shape[1])
+        settled = None if finer is None else self._as_settled(omega, path, finer)
+        return min((point for point in (best, settled) if point is not None), key=lambda one: one.error, default=None)
+
+    def _as_settled(self, omega: float, path: np.ndarray, finer: np.ndarray) -> _Point:
+        """A motion in time as a solution; its error is what finer steps and the balance of harmonics change."""
+        count, self.fine = self.harmonics or self.most_orders, _SETTLED_FINE
+        coarse, amplitudes = (self._spectrum(motion, count) for motion in (path, finer))
+        forces, _, lost, _ = self.contact_forces(amplitudes, omega, self.fine, derive=False)
+        point, other = (_Point(omega, motion, forces, lost, 1.0) for motion in (amplitudes, coarse))
+        drive, gains = self.drive(omega, count), self.gains(omega, count)
+        balanced = replace(point, amplitudes=amplitudes - self.kernels.residual(amplitudes, drive, gains, forces))
+        change = self._change(point, other) + self._change(point, balanced)
+        point.error = float(min(1.0, max(SAFETY * change, LEAST_ERROR * self.tolerance)))
+        return point
+
+    def _spectrum(self, path: Float[np.ndarray, "contact sample"], count: int) -> Float[np.ndarray, "contact size"]:
+        """Amplitudes of the first ``count`` harmonics of a path over a period."""
+        orders, out = self.orders(count), np.zeros((len(path), 2 * count))
+        waves = np.fft.rfft(path, axis=1)
+        kept = orders < waves.shape[1]
+        values = np.zeros((len(path), count), complex)
+        values[:, kept] = waves[:, orders[kept]] * np.where(orders[kept] == 0, 1.0, 2.0) / path.shape[1]
+        out[:, ::2], out[:, 1::2] = values.real, -values.imag
+        return out
 
     def refined(
         self, amplitudes: np.ndarray, forces: np.ndarray, lost: np.ndarray, omega: float

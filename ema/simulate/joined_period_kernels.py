@@ -35,10 +35,15 @@ def joined_forces(amplitudes, wave, limits, law, ties, bounds, derive):
     The members of the Jacobian are the own motion, that of the partner, and the gap. wave: orders, cos and sin (sample,
     2 H), periods at most, angular frequency. ``limits`` (friction contact, sample) are slip forces where no normal
     contact is followed. ties: partner, pressed_by and friction of ``Couplings``. bounds: number of internal forces of
-    every contact, their shares of the slip force, and whether the law approaches it smoothly. Extremes (normal, 4):
+    every contact, their shares of the slip force, whether the law approaches it smoothly, and whether it knows
+    velocities. Extremes (normal, 4):
     least and greatest normal force, share of the period open, widest opening. Without ``derive`` the Jacobian is 0.
     """
-    (orders, basis, periods, omega), (partner, pressed_by, friction), (widths, capacity, smooth) = wave, ties, bounds
+    (orders, basis, periods, omega), (partner, pressed_by, friction), (widths, capacity, smooth, rates) = (
+        wave,
+        ties,
+        bounds,
+    )
     (contacts, size), samples, first = amplitudes.shape, basis.shape[0], len(limits)
     weights = np.full(size, 2.0 / samples)
     for c in range(size):
@@ -71,7 +76,7 @@ def joined_forces(amplitudes, wave, limits, law, ties, bounds, derive):
         paths = np.empty((len(lanes), samples))
         for o in range(len(lanes)):
             paths[o] = motion[lanes[o]]
-        contact = lanes, paths, slip, (widths[i], capacity[i], smooth[i])
+        contact = lanes, paths, slip, (widths[i], capacity[i], smooth[i], rates[i])
         own, tangent, lost[i] = cycle(law, contact, around, derive)
         for o in range(len(lanes)):
             forces[lanes[o]] = own[o]

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ema.contact.catalogue import knows_velocities
 from ema.contact.curves import virgin_rate
 from ema.contact.laws import contact_laws
 from ema.data import FrictionLaw, Loop
@@ -94,7 +95,7 @@ def loop(law: FrictionLaw, normal_force: float, amplitude: float, samples: int =
             "too few samples for a loop", where=where, got=samples, expected=f"{_FEWEST} or more per cycle"
         )
     fine = amplitude * np.sin(np.linspace(0, 2 * np.pi, samples + 1) + np.pi / 2)
-    turns = amplitude * np.resize([1.0, -1.0], 100_000) if law.name != "lugre" else np.tile(fine[:-1], 20)
+    turns = np.tile(fine[:-1], 20) if knows_velocities(law.name) else amplitude * np.resize([1.0, -1.0], 100_000)
     forces = drive(law, np.concatenate([[0.0], turns, fine]), normal_force, 1 / (frequency * samples))[-len(fine) :]
     if not np.all(np.isfinite(forces)):
         raise FailureError(

@@ -16,7 +16,7 @@ from ema.progress import Progress, advance, silent
 from ema.simulate.checks import is_number, positive
 from ema.simulate.harmonic import Branch, Condensed, _Point, condense, with_harmonics
 
-HOMOGENEOUS = tuple(name for name in CATALOGUE if name != "lugre")
+HOMOGENEOUS = tuple(name for name, known in CATALOGUE.items() if not known.rates)
 """Laws without a scale of their own: forces and displacements grow together."""
 _SHARES = np.array([0.2, 1.0, 0.5])
 """Shares of the tolerance within which frequency, damping ratio and modal amplitude are interpolated."""

@@ -7,7 +7,8 @@ Friction springs are counted from where they would be unstressed, w = z - k u: o
 a multiplier of 1 that stands for a residual force, not for a loss of stability.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -58,6 +59,7 @@ _SAME, _FARTHEST = 3.0, 0.05
 """How far the first harmonic of the periodic motion may be from the harmonic solution: that many times its stated
 error, and at most; farther away, another steady state was reached."""
 _NOT_AGAIN = "the steady state was not found again from its slips"
+_NEAR_CIRCLE = "a multiplier is within its error of the unit circle"
 _SAMPLES = 64
 """Of a period, from which its first harmonic is made."""
 
@@ -66,13 +68,15 @@ class PeriodMap:
     """The state one period of the force later, as so many steps make it.
 
     Coordinates are, in the root of J: displacements times frequency and velocities of the modes that the contacts see,
-    and for every friction spring (z - k u) / sqrt(k). LuGre's law, whose force depends on the velocity, adds the two
-    further states of each contact. What else a law keeps follows from these.
+    and for every friction spring (z - k u) / sqrt(k). A law whose force depends on velocities adds the two further
+    states of each contact. What else a law keeps follows from these.
     """
 
     def __init__(self, condensed: Condensed, point: _Point, steps: int) -> None:
         self.condensed, self.steps, problem = condensed, steps, condensed.problem
-        base, self.laws = problem.base, problem.laws
+        from ema.contact.call_kernels import WAY_BEFORE
+
+        base, self.laws, self._way = problem.base, problem.laws, WAY_BEFORE
         start, self.begun = condensed.start_in_time(point, steps)
         self.modes = np.flatnonzero(base.coupled | (base.damping is not None))
         self.slip = base.slip[:, self.modes]
@@ -87,17 +91,12 @@ class PeriodMap:
     def _remembered(self) -> Bool[np.ndarray, "contact state"]:
         """Which states of the laws are coordinates."""
         flexibility, kept = self.laws.flexibility, np.zeros(self.laws.flexibility.shape, bool)
-        for name, first, end, _, across, line in self.laws.groups:
+        for name, first, end, _, across, _ in self.laws.groups:
             for shift in {0, across}:
                 part = slice(first + shift, end + shift)
                 kept[part] = flexibility[part] > 0 if name != "normal" else False
-                if self._bristles(name, line):
-                    kept[part, :3] = True
+        kept[self.laws.rates, : self._way + 1] = True
         return kept
-
-    @staticmethod
-    def _bristles(name: str, line: str) -> bool:
-        return "lugre" in name or "lugre" in line
 
     def _stepper(self, state: _State) -> _Modes:
         h = 2 * np.pi / self.omega / self.steps
@@ -114,7 +113,7 @@ class PeriodMap:
         """Of the states: root of the stiffness of a spring; of its contact for what a law keeps besides."""
         contact = self.laws.stiffness[self._kept[0]]
         scale = np.sqrt(np.where(self.springs > 0, self.springs, contact))
-        way = (self._kept[1] == 2) & (self.springs == 0)
+        way = (self._kept[1] == self._way) & (self.springs == 0)
         return np.where(way, 1 / scale, scale)
 
     def coordinates(self, state: _State) -> Float[np.ndarray, "coordinate"]:
@@ -141,10 +140,8 @@ class PeriodMap:
         from ema.contact import normal_kernels as kernels
 
         force = np.where(self.laws.flexibility > 0, z, 0.0).sum(axis=1)
-        for name, first, end, _, across, line in self.laws.groups:
-            if self._bristles(name, line):
-                for shift in {0, across}:
-                    force[first + shift : end + shift] = z[first + shift : end + shift, :2].sum(axis=1)
+        force[self.laws.rates] = z[self.laws.rates, : self._way].sum(axis=1)
+        for name, first, end, *_ in self.laws.groups:
             if name == "normal":
                 ties = self.laws.couplings
                 assert ties is not None
@@ -184,7 +181,7 @@ class PeriodMap:
         contact = self._kept[0]
         # a spring moves by its own share of the motion
         own = np.where(self.springs > 0, np.sqrt(self.springs) * moved[contact], self._scales * moved[contact])
-        way = (self._kept[1] == 2) & (self.springs == 0)
+        way = (self._kept[1] == self._way) & (self.springs == 0)
         own = np.where(way, moved[contact] * 2 * np.pi / self.steps / self._scales, own)
         return np.concatenate([modes, modes, _NUDGE * np.maximum(own, _LEAST_NUDGE * size)])
 
@@ -320,6 +317,19 @@ def _periodic(period: PeriodMap, begun: np.ndarray, nudges: np.ndarray, size: fl
             step = Monodromy(period, here, end, nudges).newton_step()
         here = last + length * step
     return None
+
+
+def _ranked(values: np.ndarray, others: np.ndarray) -> Float[np.ndarray, "multiplier"]:
+    """Difference of the magnitude of every value from that of the same rank among ``others``; the surplus counts 0.
+
+    Magnitudes in their order depend continuously on a matrix, whichever multipliers belong to each other.
+    """
+    order, sizes = np.argsort(-np.abs(values), kind="stable"), np.zeros(len(values))
+    known = np.sort(np.abs(others))[::-1][: len(values)]
+    sizes[: len(known)] = known
+    out = np.zeros(len(values))
+    out[order] = np.abs(np.abs(values)[order] - sizes)
+    return out
 
 
 def _matched(values: np.ndarray, others: np.ndarray) -> Float[np.ndarray, "multiplier"]:
@@ -473,11 +483,23 @@ def _closed(condensed: Condensed, point: _Point, steps: int, begun: np.ndarray |
     return _Closed(period, motion.begun, values, tuple(others), int((~motion.free).sum()) + families)
 
 
+def _errors(
+    distance: Callable[[np.ndarray, np.ndarray], np.ndarray], last: _Closed, half: _Closed, middle: _Closed
+) -> Float[np.ndarray, "multiplier"]:
+    """Errors by how far multipliers are apart of half as many steps, of three quarters of them, and of either side."""
+    values = last.values
+    changes = _SAFETY * distance(values, half.values), _BETWEEN[1] * distance(values, middle.values)
+    sides = [distance(values, other) for other in last.others]
+    return np.asarray(np.maximum(*changes) + np.maximum(*sides) + _LEAST_ERROR)
+
+
 def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
     """Floquet multipliers of a harmonic solution, with as many steps of the period as the verdict asks for.
 
     Every multiplier has as its error twice what half as many steps change, or six times what three quarters of them
-    change where that is more, and what differences forward and backward differ by.
+    change where that is more, and what differences forward and backward differ by. Of one inside the unit circle that
+    by this might be outside, it is the error of the magnitude: higher modes turn many times in a period, and the phase
+    of their multipliers hangs on where within steps contacts begin to slip.
     """
     steps, last = _STEPS, None
     result = _open("the time solver has no periodic motion near the harmonic solution")
@@ -488,15 +510,17 @@ def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
             last = known[count] = _closed(condensed, point, count, None if last is None else last.begun)
         half, middle = known.get(steps // 2), known.get(between)
         if last is not None and half is not None and middle is not None:
-            values = last.values
-            changes = _SAFETY * _matched(values, half.values), _BETWEEN[1] * _matched(values, middle.values)
-            errors = np.maximum(*changes) + _LEAST_ERROR
-            errors += np.maximum(*(_matched(values, other) for other in last.others))
+            values, errors = last.values, _errors(_matched, last, half, middle)
+            # steps turn multipliers of higher modes by a phase that says nothing of whether they decay
+            turned = (np.abs(values) < 1.0) & (np.abs(values) + errors >= 1.0)
+            errors = np.where(turned, np.minimum(errors, _errors(_ranked, last, half, middle)), errors)
             result = _result(condensed, point, last.period, (last.begun, values, errors, last.sticking))
             margin = np.maximum(_ACCURATE, _OF_MARGIN * np.abs(np.abs(values) - 1.0))
             if np.all(errors <= margin) and result.verdict != UNDECIDED:
                 break
         steps *= 2
+    if result.verdict == UNDECIDED and not result.reason:
+        return replace(result, reason=_NEAR_CIRCLE)
     return result
 
 

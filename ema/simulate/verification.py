@@ -29,6 +29,8 @@ counts what is left of the push: half as many halve the damping down to which a 
 _RETURNED, _LEFT = 0.01, 5.0
 """Shares of the push at which the motion has returned, and has left. The unstable direction carries a tenth of a push
 and more; where it carried less than a hundredth, a solution that is left would be taken for a stable one."""
+_CLOSE, _NEARLY = 1e-5, 1e-2
+"""Change of a period, relative, at which a motion from rest has settled, and at most where it is used as a start."""
 _RANK = 1e-7
 """Singular values of the differences, over the largest, that are taken for rounding."""
 
@@ -84,6 +86,24 @@ def _stepper(condensed: Any, point: Any, steps: int, pushed: float = 1.0) -> tup
     stepper = Stepper(condensed.problem, start, 2 * np.pi / point.omega / steps, (condensed.driven,))
     phase = begun + 2 * np.pi * np.arange(_BLOCK * steps + 1) / steps
     return stepper, phase, begun
+
+
+def settled_from_rest(condensed: Any, omega: float, steps: int = _COARSE_STEPS) -> np.ndarray | None:
+    """Relative displacements (contact, sample) in m over a period of the motion that begins at rest, from phase 0 on.
+
+    ``None`` where it does not settle to the period of the force within ``_MOST_PUSHED`` periods.
+    """
+    problem = condensed.problem
+    stepper = Stepper(problem, problem.rest(), 2 * np.pi / omega / steps, (condensed.driven,))
+    phase = 2 * np.pi * np.arange(_BLOCK * steps + 1) / steps
+    load, limits = condensed.force * np.cos(phase)[:, None], condensed.slip_forces(phase[:-1])
+    for _ in range(_MOST_PUSHED // _BLOCK):
+        path = stepper.run(_BLOCK * steps, 1, limits, load)["u"].reshape(_BLOCK, steps, -1)
+        last, before = path[-1], path[-2]
+        change, size = np.linalg.norm(last - before), max(float(np.linalg.norm(last)), 1e-300)
+        if not np.isfinite(change) or change <= _CLOSE * size:
+            break
+    return np.roll(last, 1, axis=0).T if change <= _NEARLY * size else None
 
 
 def stays(condensed: Any, point: Any) -> bool:

@@ -44,6 +44,28 @@ def test_unstable_parts_are_dashed_and_undecided_ones_dotted():
     assert [label.get_text() for label in axes.get_legend().get_texts()] == ["2 N", "stable", "unstable", "undecided"]
 
 
+@pytest.mark.parametrize("present", [("stable",), ("undecided",), ("stable", "undecided"), ("unstable", "stable")])
+def test_the_legend_has_the_verdicts_that_are_drawn_and_no_others(present):
+    """The last point draws nothing by itself: its verdict is that of no stretch."""
+    verdicts = tuple(present[n * len(present) // 6] for n in range(6))
+    legend = show.steady_state_curves([replace(FOLDED, verdicts=verdicts)]).axes[0].get_legend()
+    words = [label.get_text() for label in legend.get_texts()]
+    assert words == ["2 N", *(word for word in ("stable", "unstable", "undecided") if word in present)]
+
+
+@pytest.mark.parametrize("band", [(90.0, 123.0), (105.0, 160.0), (61.3, 133.7)])
+def test_a_curve_ends_at_the_edge_of_its_band(band):
+    """There it is the solution that the harmonic balance has at that frequency."""
+    (curve,) = simulate.frf_curves(hysteretic(), band, 25.0, "1:+X", ["1:+X"], searched=0, stability=False)
+    assert curve.ends == ("edge", "edge")
+    np.testing.assert_allclose(curve.frequencies[[0, -1]], band, rtol=1e-12)
+    assert np.all((band[0] <= curve.frequencies) & (curve.frequencies <= band[1]))
+    alone = simulate.frf(hysteretic(), np.array([band[1]]), 25.0, "1:+X", ["1:+X"])
+    value = alone.values[0, 0, list(alone.orders).index(1)]
+    allowed = curve.error_estimate[-1] + alone.error_estimate[0]
+    assert abs(curve.values[-1, 0] - value) <= allowed * abs(value) and 0 < allowed < 0.011
+
+
 def test_no_curve_is_a_note_in_the_picture():
     assert not show.steady_state_curves([]).axes[0].lines
 
@@ -120,3 +142,24 @@ def test_a_curve_that_was_lost_says_where_and_why_and_its_parts_are_not_called_d
 
 def test_a_budget_that_is_enough_follows_the_whole_curve() -> None:
     assert [curve.ends for curve in followed(hysteretic())] == [("edge", "edge")]
+
+
+def test_states_of_masing_springs_on_a_damped_beam_are_stable() -> None:
+    """Friction takes energy from the difference of any two motions, and damping the rest of it: they have to meet.
+
+    Higher modes turn many times in a period of the force; the phases of their multipliers say nothing of that.
+    """
+    rng = np.random.default_rng(2612)
+    pressed = float(rng.uniform(150.0, 300.0))
+    model = double_beam(pressed)
+    response = simulate.frf(model, np.array([10.0, 13.9, 14.3]), rng.uniform(0.004, 0.006) * pressed, TIP, [TIP])
+    multipliers = simulate.floquet_multipliers(model, response)
+    assert [one.verdict for one in multipliers] == ["stable"] * 3
+    assert all(0.3 < one.largest < 0.9 and one.errors.max() < 1.0 for one in multipliers)
+
+
+def test_an_undecided_state_says_why() -> None:
+    model = replace(beam_model(), damping=Damping())
+    response = simulate.frf(model, np.array([60.0]), 1.0, "1:+X", ["1:+X"])
+    (one,) = simulate.floquet_multipliers(model, response)
+    assert one.verdict == "undecided" and one.reason == "a multiplier is within its error of the unit circle"

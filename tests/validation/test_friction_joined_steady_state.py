@@ -229,3 +229,49 @@ def test_normal_forces_that_are_none_get_a_sentence():
     floating = replace(model, host=replace(model.host, stiffness=np.diag([0.0, 0.0, 1e6])))
     with pytest.raises(InputError, match="not held"):
         run(np.array([[10.0, 20.0, 10.0]]), replace(floating, beam=replace(model.beam, stiffness=np.zeros((3, 3)))))
+
+
+def knocking(draw):
+    """One to three masses that move in three directions, each on a wall from which it parts; a force and a frequency."""
+    rng, k = np.random.default_rng([2026, draw]), (2 * np.pi * F0) ** 2
+    nodes, both = int(rng.integers(1, 4)), rng.random() < 0.3
+    stiffness = np.zeros((3 * nodes, 3 * nodes))
+    for n in range(nodes):
+        up = rng.uniform(0.02, 1.0) * k
+        own = np.diag([k * rng.uniform(0.7, 1.5), k * rng.uniform(0.7, 1.5), up])
+        own[0, 2] = own[2, 0] = rng.uniform(-0.5, 0.5) * np.sqrt(own[0, 0] * up)
+        own[0, 1] = own[1, 0] = rng.uniform(-0.2, 0.2) * k * 0.7
+        own += max(0.01 * k - np.linalg.eigvalsh(own).min(), 0.0) * np.eye(3)
+        stiffness[3 * n : 3 * n + 3, 3 * n : 3 * n + 3] += own
+    for n in range(nodes - 1):
+        between = np.diag(rng.uniform(0.1, 1.0, 3) * k)
+        stiffness[3 * n : 3 * n + 6, 3 * n : 3 * n + 6] += np.block([[between, -between], [-between, between]])
+    tangential, normal, mu = k * 10 ** rng.uniform(-0.5, 1.5), k * 10 ** rng.uniform(-0.5, 1.5), rng.uniform(0.2, 0.8)
+    laws = Masing(mu, tangential), Dahl(mu, tangential), Iwan(mu, tangential, -0.5, 1.0, 8)
+    law = (*laws, LuGre(mu, tangential, 10.0, 1.0, 1.2, 1e-2))[int(rng.integers(0, 4))]
+    axes, size = ("+X", "+Y", "+Z"), 3 * nodes
+    dofs, walls = (tuple(Dof(n + 1, axis, body) for n in range(nodes) for axis in axes) for body in ("", "wall"))
+    pairs = tuple((n + 1, n + 1) for n in range(nodes))
+    contact = Joint("contact", pairs, (0.0, 0.0), law, 30.0 * nodes, normal, directions=BOTH if both else ONE)
+    joint, wall = (
+        replace(contact, normal_contact=Unilateral()),
+        Matrices(1e3 * np.eye(size), 1e16 * np.eye(size), walls),
+    )
+    host, damping = Matrices(np.eye(size), stiffness, dofs), Damping(ratio=float(rng.uniform(0.005, 0.05)))
+    force, at = 30.0 * nodes * 10 ** rng.uniform(-0.3, 1.0), f"1:+{'XZ'[int(rng.integers(0, 2))]}"
+    return BeamModel(host, wall, (joint,), damping, "knocking"), force, at, float(rng.uniform(40, 220))
+
+
+@pytest.mark.parametrize("draw", [0, 1, 7, 10, 19, 22])
+def test_gaps_that_open_in_every_period_against_the_time_solver(draw):
+    """Where the time solver settles there is a solution, within its stated error and a part of the budget."""
+    model, force, at, frequency = knocking(draw)
+    condensed = condense(model, force, at, [at], 5e-3)
+    point = condensed.solve(frequency)
+    turns = np.arange(150 * 200 + 1) / 200
+    run = respond(model, force * np.cos(2 * np.pi * turns)[None], [at], frequency * 200, [at], tolerance=3e-4)
+    waves = run.displacements[0] * np.exp(-2j * np.pi * turns)
+    last, before = (2 * np.mean(waves[end - 200 : end]) for end in (30_000, 29_600))
+    assert abs(last - before) < 1e-3 * abs(last) and run.pressure.open_time.max() > 0.3
+    assert point is not None and condensed.left > 0.5 * condensed.budget and point.error < 0.05
+    assert abs(condensed.first(point)[0] - last) <= (point.error + 1e-3) * abs(last)
