@@ -69,8 +69,9 @@ def placement_map(placement: Placement, shown: int = 3, together: Candidates | N
         for number, place in enumerate(ranking.places[:shown], 1):
             if np.isclose(place.angle, angle, atol=1e-5):
                 _beam(axes, candidates.joints(place.candidate), str(number), VERMILION if number == 1 else BLACK)
-        for row in range(0 if together is None else len(together)):
-            _beam(axes, together.joints(row), ascii_uppercase[row % 26], PURPLE, thick=True)
+        if together is not None:
+            for row in range(len(together)):
+                _beam(axes, together.joints(row), ascii_uppercase[row % 26], PURPLE, thick=True)
         axes.set_title(text("Beam at {angle}° (dots: middle of the beam)", angle=f"{np.degrees(angle):.0f}"))
         axes.set_aspect("equal")
         axes.set_ylabel("y [m]")
