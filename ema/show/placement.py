@@ -133,8 +133,8 @@ def _beam(axes: Axes, joints: Float[np.ndarray, "joint 2"], name: str, colour: s
     )
     axes.annotate(
         name,
-        joints[-1],
-        xytext=(5, 4),
+        joints[0] if thick else joints[-1],  # a letter beside a rank stays legible
+        xytext=(-5, -13) if thick else (5, 4),
         textcoords="offset points",
         fontsize=8,
         zorder=6,
