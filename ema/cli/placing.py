@@ -13,9 +13,9 @@ from ema.cli.option_groups import Reporting, Work, grouped
 from ema.messages import checked_language
 
 if TYPE_CHECKING:
+    from ema.data import ModalModel
     from ema.data.placement import Placement
     from ema.place import BeamsForecast
-    from ema.study.friction import PlacementTask
 
 
 IN_THIS_PROCESS, IN_ENGLISH = Work(jobs=1), Reporting()
@@ -41,9 +41,8 @@ def place(
 ) -> int:
     """Where a friction beam goes, and how hard to press it."""
     from ema.cli import screen
-    from ema.study.friction import placed
+    from ema.study.placement import placed
     from ema.study.placement_inputs import placement_source
-    from ema.study.several_beams import several_beams
     from ema.study.study import make_folder
 
     wanted, spoken = split_formats(report.formats), checked_language(report.language)
@@ -53,17 +52,14 @@ def place(
     with screen.Bars() as bars:
         task = asked.task(bars)
         with workers(work.cluster, work.jobs or 1) as executor:
-            placement = placed(task, folder / "checked", work.resume, executor, bars, anyway=anyway)
-        placement, several = several_beams(task, placement, bars)
+            placement, together = placed(task, folder / "checked", work.resume, executor, bars, anyway=anyway)
     written = _write(placement, folder, wanted, spoken)
-    predicted = None if several is None else several.forecast
-    if predicted is not None:
-        written += _write_together(predicted, task, folder)
+    if together is not None:
+        written += _write_together(together, task.modes, folder)
     if json:
-        together = None if several is None else several.plain(task)
-        screen.as_json(_as_mapping(placement, written) | {"together": together})
+        screen.as_json(_as_mapping(placement, written) | {"together": _chosen(placement, together, task.modes)})
     else:
-        _show(placement, written, [] if predicted is None else _sentences(predicted, task))
+        _show(placement, written)
     return status(placement.all_findings, limit)
 
 
@@ -74,10 +70,12 @@ def _stem(path: Path) -> str:
 def _write(found: "Placement", folder: Path, formats: Sequence[str], language: str) -> list[Path]:
     """Store, pictures and report."""
     from ema import report, show, store
+    from ema.place.beams_choice import chosen_candidates
 
     written = [folder / "placement.h5"]
     store.save(written[0], found)
-    pictures = {"placement_map": show.placement_map(found), "recommended_force": show.recommended_force(found)}
+    drawn = show.placement_map(found, together=chosen_candidates(found))
+    pictures = {"placement_map": drawn, "recommended_force": show.recommended_force(found)}
     if found.control is not None:
         pictures["control"] = show.control_gain(found.control)
     written += save_pictures(folder, pictures)
@@ -85,22 +83,23 @@ def _write(found: "Placement", folder: Path, formats: Sequence[str], language: s
     return [*written, *(folder / f"placement.{name}" for name in formats)]
 
 
-def _write_together(forecast: "BeamsForecast", task: "PlacementTask", folder: Path) -> list[Path]:
-    """The forecast of several beams, as `ema predict --together` stores it, and its picture."""
-    from ema import show, store
+def _write_together(together: "BeamsForecast", modes: "ModalModel", folder: Path) -> list[Path]:
+    """The forecast of several beams and its picture."""
+    from ema import show
+    from ema.study.placement import save_together
 
     path = folder / "placement_together.h5"
-    store.save(path, {"bare": task.modes, "forecast_together": forecast.forecast})
-    return [path, *save_pictures(folder, {"forecast_together": show.forecast_bands(forecast.forecast)})]
+    save_together(path, modes, together)
+    return [path, *save_pictures(folder, {"forecast_together": show.forecast_bands(together.forecast)})]
 
 
-def _sentences(together: "BeamsForecast", task: "PlacementTask") -> list[str]:
-    """The forecast of several beams, for people; their choice is a finding."""
-    from ema.study.plain_forecast import READINGS, lines_together
+def _chosen(found: "Placement", together: "BeamsForecast | None", modes: "ModalModel") -> dict[str, Any] | None:
+    """Several beams that act together, and their forecast; ``None`` of a single beam."""
+    from ema.place.beams_choice import chosen_beams
+    from ema.study.plain_forecast import mapping_of_choice
 
-    forecast = together.forecast
-    first = f"{forecast.beam}: 95 % bands from {forecast.draws} draws; {READINGS[forecast.method]}."
-    return [first, *(f"  {line}" for line in lines_together(together, task.modes))]
+    choice = chosen_beams(found)
+    return None if choice is None else mapping_of_choice(choice, together, modes)
 
 
 def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
@@ -124,8 +123,8 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
     }
 
 
-def _show(found: "Placement", written: list[Path], together: Sequence[str]) -> None:
-    """Print the places, the answer, what several beams do together, findings and files."""
+def _show(found: "Placement", written: list[Path]) -> None:
+    """Print the places, the answer, findings and files."""
     from ema.cli import screen
     from ema.report.placement import answer
     from ema.report.trials import proposal
@@ -136,8 +135,7 @@ def _show(found: "Placement", written: list[Path], together: Sequence[str]) -> N
     frame = found.ranking.table().reset_index()
     title = f"{found.title}: {found.ranking.objective}"
     out.print(screen.table(frame.columns, frame.itertuples(index=False), title, whole=()))
-    for sentence in (answer(found), *together):
-        out.print(sentence, soft_wrap=True)
+    out.print(answer(found), soft_wrap=True)
     if found.trials is not None:
         out.print(proposal(found.trials), soft_wrap=True)
     if found.control is not None:

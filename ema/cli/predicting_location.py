@@ -64,7 +64,8 @@ def _each_alone(wanted: "Wanted", asked: FromPlacement, levels: Sequence[float],
     source = placement_source(wanted.measured, asked.recipe)
     with screen.Bars() as bars:
         task = source.task(bars)
-        forecasts = forecasts_at(task, locations, force_levels=levels, normal_forces=forces, progress=bars)
+        results = forecasts_at(task, locations, force_levels=levels, normal_forces=forces, progress=bars)
+    forecasts = [one.forecast for one in results]
     written = _written(wanted, forecasts, task.modes)
     findings = list({(one.code, one.where, one.message): one for each in forecasts for one in each.findings}.values())
     if wanted.json:
@@ -79,13 +80,15 @@ def _together(wanted: "Wanted", asked: FromPlacement, levels: Sequence[float], f
     from ema.cli import screen
     from ema.file_names import safe_name
     from ema.study import plain_forecast
-    from ema.study.placement_inputs import forecast_of_beams, placement_source
+    from ema.study.placement_inputs import forecasts_at, placement_source
 
     locations = _one_each(asked.place or (), asked.beam or ("",))
     source = placement_source(wanted.measured, asked.recipe)
     with screen.Bars() as bars:
         task = source.task(bars)
-        result = forecast_of_beams(task, locations, force_levels=levels, normal_forces=forces, progress=bars)
+        (result,) = forecasts_at(
+            task, locations, force_levels=levels, normal_forces=forces, together=True, progress=bars
+        )
     forecast, stem = result.forecast, safe_name(wanted.measured.resolve().stem)
     picture = {f"{stem}_forecast_together": show.forecast_bands(forecast)}
     written = wanted.written(stem, {"bare": task.modes, "forecast_together": forecast}, picture)

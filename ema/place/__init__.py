@@ -4,7 +4,7 @@ from ema.public import attach
 
 _HOMES = {
     "BeamsForecast": "ema.place.beams_forecast",
-    "BeamsSearch": "ema.place.beams_search",
+    "BeamsSearch": "ema.place.beams_choice",
     "Costs": "ema.place.trials",
     "ForecastSettings": "ema.place.bands",
     "KeptPlaces": "ema.place.shortlist",
@@ -13,7 +13,7 @@ _HOMES = {
     "TrialCondition": "ema.place.trials",
     "SearchSettings": "ema.place.ranking",
     "Task": "ema.place.task",
-    "check": "ema.place.bands",
+    "check": "ema.place.forecast_check",
     "control_study": "ema.place.control",
     "distribute": "ema.place.recommend",
     "forecast": "ema.place.bands",

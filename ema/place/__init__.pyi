@@ -1,13 +1,13 @@
 from ema.place.bands import ForecastSettings as ForecastSettings
-from ema.place.bands import check as check
 from ema.place.bands import forecast as forecast
+from ema.place.beams_choice import BeamsSearch as BeamsSearch
 from ema.place.beams_forecast import BeamsForecast as BeamsForecast
 from ema.place.beams_forecast import forecast_together as forecast_together
-from ema.place.beams_search import BeamsSearch as BeamsSearch
 from ema.place.beams_search import search_together as search_together
 from ema.place.candidates import grid as grid
 from ema.place.conditioning import updated as updated
 from ema.place.control import control_study as control_study
+from ema.place.forecast_check import check as check
 from ema.place.location import Location as Location
 from ema.place.location import forecast_at as forecast_at
 from ema.place.model import model_at as model_at

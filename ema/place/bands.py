@@ -8,13 +8,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ema.data import Finding, ModalMap, Provenance
-from ema.data.forecast import Forecast, ForecastCheck
+from ema.data import BeamModel, Finding, Provenance
+from ema.data.forecast import Forecast
 from ema.data.placement import Candidates
 from ema.deprecation import fields_as_arguments
 from ema.errors import InputError
-from ema.messages import mark
 from ema.place.budget import budget, inputs
+from ema.place.forecast_findings import about_harmonics, about_holes
 from ema.place.fundamental import MAJORITY, fundamental, shares
 from ema.place.intervals import beams_drawn, drawn, scattered
 from ema.place.lift_off import PRESSURE
@@ -56,10 +56,10 @@ DEFAULTS = ForecastSettings()
 
 
 class Draw(NamedTuple):
-    """One draw of what is not known: the task, the beam, and the question that is asked of both."""
+    """One draw of what is not known: the task, the beams, and the question that is asked of all."""
 
     task: Task
-    beam: Candidates
+    beams: tuple[Candidates, ...]
     case: Question
 
 
@@ -67,16 +67,6 @@ ReadingsOfDraw = Callable[[Draw], Float[np.ndarray, "reading"]]
 """What else is to be computed of a draw."""
 ENOUGH = 0.8
 """Share of the draws that must have a steady state for a band to be given."""
-_HARMONICS = 0.05
-"""Change of a damping ratio by the upper harmonics from which on it is named."""
-_MODE_TOLERANCE = 0.1
-"""Largest relative distance between the median frequency of a map and that of a target mode without the beam.
-
-The beam moves a mode by some per cent; of several target modes within reach the nearest one counts. Half of it would
-refuse maps of modes that the beam moves by more than 5 %.
-"""
-_SAME_CONDITION = 0.05
-"""Largest relative difference between a force of a map and one of the forecast that count as the same condition."""
 _SHIFT = 0.02
 """By what share of its frequency a draw may leave the band in which the nominal resonance is looked for."""
 
@@ -148,22 +138,28 @@ def forecast(
     >>> bool(result.damping_low[0, 0, 0] <= result.damping[0, 0, 0] <= result.damping_high[0, 0, 0])
     True
     """
-    return forecast_and_draws(task, candidates, place, settings, executor, progress)[0]
+    return forecast_and_draws(beam_asked(task, candidates, place, settings.method), settings, executor, progress)[0]
 
 
-def forecast_and_draws(
-    task: Task,
-    candidates: Candidates,
-    place: int,
-    settings: ForecastSettings,
-    executor: Executor | None = None,
-    progress: Progress = silent,
-    readings_of: ReadingsOfDraw = _no_readings,
-) -> tuple[Forecast, Float[np.ndarray, "draw mode 2 level force"], list[Float[np.ndarray, "reading"]]]:
-    """The forecast, its draws (frequency in Hz and damping ratio), and what ``readings_of`` says of each of them."""
-    draws, seed, method = settings.draws, settings.seed, settings.method
-    if draws < 10:
-        raise InputError("too few draws for a band", where=f"place {place}", got=draws, expected="10 or more")
+class Asked(NamedTuple):
+    """What a forecast is about: the task, its beams (each the first candidate of its own), and their question.
+
+    ``nominal`` has all uncertain values as stated; ``model_of`` makes the model of a drawn task and drawn beams.
+    """
+
+    task: Task
+    beams: tuple[Candidates, ...]
+    nominal: Question
+    model_of: Callable[[Task, Sequence[Candidates]], BeamModel]
+
+
+def beam_asked(task: Task, candidates: Candidates, place: int, method: Method) -> Asked:
+    """A single beam, the candidate ``place``, under the forces of the task.
+
+    Raises
+    ------
+    InputError : no such location.
+    """
     if not 0 <= place < len(candidates):
         raise InputError("no such place", where="forecast", got=place, expected=f"0 to {len(candidates) - 1}")
     here = only(candidates, [place])
@@ -172,57 +168,96 @@ def forecast_and_draws(
         normal_forces=np.asarray(task.normal_forces, dtype=np.float64),
     )
     nominal = question(at_conditions, predict(at_conditions, here), 0, method == "measured")
+    return Asked(at_conditions, (here,), nominal, _model_of_one)
+
+
+def _model_of_one(task: Task, beams: Sequence[Candidates]) -> BeamModel:
+    return model_at(task, beams[0], 0, float(task.normal_forces[0]))
+
+
+def forecast_and_draws(
+    asked: Asked,
+    settings: ForecastSettings,
+    executor: Executor | None = None,
+    progress: Progress = silent,
+    readings_of: ReadingsOfDraw = _no_readings,
+) -> tuple[Forecast, Float[np.ndarray, "draw mode 2 level force"], list[Float[np.ndarray, "reading"]]]:
+    """The forecast, its draws (frequency in Hz and damping ratio), and what ``readings_of`` says of each of them.
+
+    Values are by all modes and harmonics, bands by draws of the fundamental.
+
+    Raises
+    ------
+    InputError : fewer than 10 draws.
+    """
+    task, nominal = asked.task, asked.nominal
+    if settings.draws < 10:
+        raise InputError("too few draws for a band", where="forecast", got=settings.draws, expected="10 or more")
     ((_, whole),) = verify_all([nominal], executor)
-    spread_out = np.repeat((shares(nominal) < MAJORITY)[:, None], len(at_conditions.force_levels), axis=1)
+    spread_out = np.repeat((shares(nominal) < MAJORITY)[:, None], len(nominal.force_levels), axis=1)
     middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
-    rough = fundamental(nominal)
-    harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
-    spread, opened, taken, read = _draws(
-        at_conditions, here, nominal, harmonics, settings=settings, progress=progress, readings_of=readings_of
-    )
+    rough = fundamental(nominal)[:, :2]
+    harmonics = np.nan_to_num(np.abs(np.log(middle / rough)))
+    spread, opened, taken, read = _draws(asked, harmonics, settings, progress, readings_of=readings_of)
+    ratios = spread / rough
     parted = np.mean(opened, axis=0) > 1 - ENOUGH
     middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
-    low, values, high = _band(middle, spread / rough[:, :2], named=task.joint.form == "given")
-    sources, of_sources = budget(taken, spread / rough[:, :2], harmonics)
+    bands = _band(middle, ratios, named=task.joint.form == "given")
     findings = (
-        *_about_holes(np.isfinite(low[:, 1]), spread_out, parted, np.isfinite(middle[:, 1])),
-        *_about_harmonics(harmonics[:, 1]),
+        *about_holes(np.isfinite(bands[0][:, 1]), spread_out, parted, np.isfinite(middle[:, 1])),
+        *about_harmonics(harmonics[:, 1]),
     )
-    bare = task.bare.poles[list(task.modes)]
-    prediction = Forecast(
-        (float(here.centres[0, 0]), float(here.centres[0, 1])),
-        float(here.angles[0]),
-        here.catalogue[int(here.beams[0])].name,
-        tuple(mode + 1 for mode in task.modes),
+    prediction = _as_forecast(asked, settings, bands, budget(taken, ratios, harmonics), findings)
+    return prediction, middle * ratios, read
+
+
+def _as_forecast(
+    asked: Asked,
+    settings: ForecastSettings,
+    bands: tuple[np.ndarray, np.ndarray, np.ndarray],
+    shares_of: tuple[tuple[str, ...], np.ndarray],
+    findings: tuple[Finding, ...],
+) -> Forecast:
+    """Values with their bands and budget as a container; several beams have neither centre nor angle."""
+    low, values, high = bands
+    sources, of_sources = shares_of
+    bare = asked.task.bare.poles[list(asked.task.modes)]
+    here, several = asked.beams[0], len(asked.beams) > 1
+    options = [("draws", str(settings.draws)), ("seed", str(settings.seed))]
+    return Forecast(
+        (np.nan, np.nan) if several else (float(here.centres[0, 0]), float(here.centres[0, 1])),
+        np.nan if several else float(here.angles[0]),
+        f"{len(asked.beams)} beams" if several else here.catalogue[int(here.beams[0])].name,
+        tuple(mode + 1 for mode in asked.task.modes),
         np.abs(bare) / (2 * np.pi),
         -bare.real / np.abs(bare),
-        at_conditions.force_levels,
-        at_conditions.normal_forces,
+        asked.nominal.force_levels,
+        asked.nominal.normal_forces,
         values[:, 0],
         low[:, 0],
         high[:, 0],
         values[:, 1],
         low[:, 1],
         high[:, 1],
-        draws,
-        method,
+        settings.draws,
+        settings.method,
         sources,
         of_sources[0],
         of_sources[1],
         findings,
-        Provenance(steps=("place.forecast",), options=(("draws", str(draws)), ("seed", str(seed)))),
+        Provenance(
+            steps=("place.forecast",),
+            options=tuple([*options, ("beams", str(len(asked.beams)))] if several else options),
+        ),
     )
-    return prediction, middle * spread / rough[:, :2], read
 
 
 def _draws(
-    task: Task,
-    here: Candidates,
-    nominal: Question,
+    asked: Asked,
     harmonics: Float[np.ndarray, "mode 2 level force"],
-    *,
     settings: ForecastSettings,
     progress: Progress,
+    *,
     readings_of: ReadingsOfDraw,
 ) -> tuple[
     Float[np.ndarray, "draw mode 2 level force"],
@@ -233,18 +268,28 @@ def _draws(
     """Frequencies and damping ratios of all draws, where their joints part, what was drawn, and the readings."""
     spread, opened, taken, read = [], [], [], []
     rng = np.random.default_rng(settings.seed)
-    for number, one in enumerate(drawn(task, settings.draws, rng)):
-        beam = beams_drawn(here, rng)
-        case = assembled(nominal, one, beam, rng)
+    for number, sample in enumerate(drawn(asked.task, settings.draws, rng)):
+        beams = _materials_drawn(asked.beams, rng)
+        case = redrawn(asked.nominal, sample, asked.model_of(sample, beams), rng)
         if case.pressure is not None:
             case = case._replace(pressure=rng.uniform(*PRESSURE))
         values, parts = resonances_of(case, harmonics, rng)
         spread.append(values)
         opened.append(parts)
-        taken.append(inputs(one, case, beam))
-        read.append(readings_of(Draw(one, beam, case)))
+        taken.append(inputs(sample, case, beams))
+        read.append(readings_of(Draw(sample, beams, case)))
         advance(progress, "bands of the forecast", number + 1, settings.draws)
     return np.array(spread), np.array(opened), taken, read
+
+
+def _materials_drawn(beams: tuple[Candidates, ...], rng: np.random.Generator) -> tuple[Candidates, ...]:
+    """The beams with a draw of the loss factor of their material, which is one for all that act together."""
+    first = beams_drawn(beams[0], rng)
+    loss = first.catalogue[int(first.beams[0])].loss
+    return (
+        first,
+        *(replace(here, catalogue=tuple(replace(one, loss=loss) for one in here.catalogue)) for here in beams[1:]),
+    )
 
 
 def resonances_of(
@@ -257,90 +302,16 @@ def resonances_of(
     return values * np.exp(harmonics * rng.standard_normal((len(values), 2, 1, 1))), opened
 
 
-def _about_holes(
-    known: np.ndarray, spread_out: np.ndarray, parted: np.ndarray, solved: np.ndarray
-) -> tuple[Finding, ...]:
-    """Why conditions have no band: the mode is spread over several resonances, the joints part, no peak belongs to the
-    mode, or too few draws have one."""
-    findings = []
-    for code, lost, why, advice in (
-        (
-            "mode-spread",
-            spread_out,
-            mark(
-                "in {count} of {total} conditions the beam spreads the mode over several resonances, none of which "
-                "holds half of it: no single frequency and damping ratio are those of the mode."
-            ),
-            mark("Look at the FRFs there, choose another place, or a beam whose own resonance is further away."),
-        ),
-        (
-            "joint-parts",
-            parted & ~spread_out,
-            mark(
-                "in {count} of {total} conditions the normal force of a joint varies by more than F_N in a fifth of "
-                "the draws or more: it parts there unless it also pulls, and values are predicted only for joints "
-                "that can."
-            ),
-            mark("Press more, or excite less."),
-        ),
-        (
-            "no-peak",
-            ~known & ~parted & ~spread_out & ~solved,
-            mark(
-                "in {count} of {total} conditions no peak of the response belongs to the mode: another mode moves more "
-                "wherever there is one."
-            ),
-            mark("Choose another excited DOF, or ask for the neighbouring mode."),
-        ),
-        (
-            "no-band",
-            ~known & ~parted & ~spread_out & solved,
-            mark(
-                "in {count} of {total} conditions a fifth of the draws or more have no peak that belongs to the mode."
-            ),
-            mark("Their bands are left open."),
-        ),
-    ):
-        if lost.any():
-            count = int(lost.sum())
-            findings.append(
-                Finding.of(
-                    "warning", code, "forecast", why, float(count), 0.0, advice=advice, count=count, total=known.size
-                )
-            )
-    return tuple(findings)
-
-
-def _about_harmonics(damping: Float[np.ndarray, "mode level force"]) -> tuple[Finding, ...]:
-    """Whether the upper harmonics of the friction force change a damping ratio, by its logarithm, by much."""
-    count, most = int(np.sum(damping > _HARMONICS)), float(damping.max())
-    if not count:
-        return ()
-    return (
-        Finding.of(
-            "warning",
-            "upper-harmonics",
-            "forecast",
-            "in {count} of {total} conditions the upper harmonics of the friction force change the damping ratio by "
-            "more than {limit_share}, at most {most}: as where a mode lies near three or five times the frequency.",
-            most,
-            _HARMONICS,
-            advice="The bands hold as much to either side; what is true hangs on the frequency of that upper mode.",
-            count=count,
-            total=damping.size,
-            limit_share=f"{_HARMONICS:.0%}",
-            most=f"{most:.0%}",
-        ),
-    )
-
-
 def assembled(nominal: Question, task: Task, candidates: Candidates, rng: np.random.Generator) -> Question:
-    """The question of a draw, in the bands of the nominal one and what a draw may shift; every joint is drawn."""
-    pressed = float(task.normal_forces[0])
-    model = model_at(task, candidates, 0, pressed)
-    bands = tuple((low * (1 - _SHIFT), high * (1 + _SHIFT)) for low, high in nominal.bands)
-    drawn = nominal._replace(model=model, normal_forces=task.normal_forces, bands=bands)
-    return _uneven(drawn, task.joint.scatter, rng)
+    """The question of a draw with one beam, the first candidate."""
+    return redrawn(nominal, task, _model_of_one(task, (candidates,)), rng)
+
+
+def redrawn(nominal: Question, task: Task, model: BeamModel, rng: np.random.Generator) -> Question:
+    """The question of a drawn model, in the nominal bands and what a draw may shift; every joint is drawn."""
+    limits = tuple((low * (1 - _SHIFT), high * (1 + _SHIFT)) for low, high in nominal.bands)
+    case = nominal._replace(model=model, normal_forces=task.normal_forces, bands=limits)
+    return _uneven(case, task.joint.scatter, rng)
 
 
 def _band(
@@ -371,72 +342,3 @@ def _uneven(asked: Question, scatter: float, rng: np.random.Generator) -> Questi
         return asked
     joints = [replace(joint, law=scattered(joint.law, scatter, rng)) for joint in asked.model.joints]
     return asked._replace(model=replace(asked.model, joints=tuple(joints)))
-
-
-def check(forecast: Forecast, maps: Sequence[ModalMap]) -> ForecastCheck:
-    """Compare a forecast with measured maps; each map belongs to the mode whose frequency without the beam is nearest.
-
-    Parameters
-    ----------
-    forecast : Forecast
-        Predicted frequency [Hz] and damping ratio (mode, level, force).
-    maps : sequence of ModalMap
-        Measured maps, one per mode.
-
-    Returns
-    -------
-    ForecastCheck
-        Measured values on the grid of the forecast; NaN for conditions that no map contains.
-
-    Raises
-    ------
-    InputError
-        If a map belongs to no target mode, two maps to one mode, or a map has no condition of the forecast.
-
-    Examples
-    --------
-    >>> from ema.examples import forecast, modal_map
-    >>> comparison = check(forecast(), [modal_map()])
-    >>> comparison.inside, comparison.values
-    (12, 12)
-    """
-    measured = np.full((2, *forecast.damping.shape), np.nan)
-    used: dict[int, str] = {}
-    for measured_map in maps:
-        where = measured_map.name or "map"
-        frequency = float(np.nanmedian(measured_map.frequency))
-        mode = int(np.argmin(np.abs(forecast.bare_frequencies - frequency)))
-        if abs(forecast.bare_frequencies[mode] / frequency - 1) > _MODE_TOLERANCE:
-            raise InputError(
-                "the map belongs to none of the forecast's target modes",
-                where=where,
-                got=f"median frequency {frequency:.1f} Hz",
-                expected=f"within {_MODE_TOLERANCE:.0%} of "
-                + ", ".join(f"{f:.1f} Hz" for f in forecast.bare_frequencies),
-                advice="leave this map out, or add its mode to the target modes of the placement",
-            )
-        if mode in used:
-            raise InputError("two maps of one mode", where=where, got=used[mode], expected="one map per mode")
-        used[mode] = where
-        levels = _rows(forecast.force_levels, measured_map.force_levels)
-        forces = _rows(forecast.normal_forces, measured_map.normal_forces)
-        pairs = [(i, j, a, b) for i, a in enumerate(levels) for j, b in enumerate(forces) if a >= 0 and b >= 0]
-        if not pairs:
-            raise InputError(
-                "the map holds none of the conditions of the forecast",
-                where=where,
-                got=f"F_E {measured_map.force_levels.tolist()} N, F_N {measured_map.normal_forces.tolist()} N",
-                expected=f"F_E {forecast.force_levels.tolist()} N, F_N {forecast.normal_forces.tolist()} N",
-            )
-        for i, j, a, b in pairs:
-            measured[:, mode, i, j] = measured_map.frequency[a, b], measured_map.damping[a, b]
-    return ForecastCheck(forecast, measured[0], measured[1], tuple(used[mode] for mode in sorted(used)))
-
-
-def _rows(wanted: np.ndarray, known: np.ndarray) -> list[int]:
-    """Row of ``known`` within 5 % of each wanted value, -1 where there is none."""
-    result = []
-    for value in wanted:
-        row = int(np.argmin(np.abs(known - value)))
-        result.append(row if abs(known[row] - value) <= _SAME_CONDITION * value else -1)
-    return result

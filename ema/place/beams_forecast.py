@@ -1,35 +1,25 @@
 """The forecast of several beams that act at the same time, each with its own location and normal force."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ema.data import Forecast, Geometry, ModalModel, Provenance
+from ema.data import BeamModel, Finding, Forecast, Geometry, ModalModel
 from ema.data.placement import Candidates
 from ema.dof import Dof
 from ema.errors import InputError
-from ema.place import bands
-from ema.place.bands import ENOUGH, ForecastSettings, resonances_of
+from ema.place.bands import Asked, Method, forecast_and_draws
 from ema.place.beams_model import beams_model
-from ema.place.budget import budget, inputs
-from ema.place.candidates import about_keep_out, touch
-from ema.place.flags import about_overhang, about_points
-from ema.place.fundamental import MAJORITY, fundamental, linear_modes, shares
-from ema.place.intervals import beams_drawn, drawn
-from ema.place.job import refuse_modes_with_a_beam, target_task, under_conditions
-from ema.place.lift_off import PRESSURE
-from ema.place.location import Location, about_forces, about_readings, located
+from ema.place.candidates import touch
+from ema.place.flags import about_overhang
+from ema.place.fundamental import linear_modes
+from ema.place.location import Location, named_beams
 from ema.place.recipe import ForecastTable, PlaceRecipe
-from ema.place.shortlist import Question, verify_all
+from ema.place.shortlist import WIDER, Question, of_model
 from ema.place.task import Task
-from ema.progress import Progress, advance, silent
-
-_WIDER = 0.05
-"""Part of a frequency by which the band of a mode is wider than from sliding to sticking joints, as in a shortlist."""
-_SHAPE = "mode shape at joints and exciter"
-"""The source of the budget that every beam has its own values of."""
+from ema.progress import Progress, silent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,38 +110,55 @@ def forecast_together(
     >>> result.forecast.damping.shape, result.normal_forces
     ((1, 1, 1), array([[20., 50.]]))
     """
-    where = bare.name or "bare structure"
-    refuse_modes_with_a_beam(bare, where)
-    task, hung = target_task(recipe, bare, geometry, where)
-    table = recipe.forecast or ForecastTable.model_construct(normal_force=list(recipe.normal_force))
-    beams = [located(recipe, task.surface, location) for location in locations]
-    if not beams:
-        raise InputError("no location for a beam", where=where, expected="one or more locations")
-    names = tuple(_named(here) for here in beams)
-    refuse_overlap(beams, names)
-    pressed = _pressed(normal_forces, table, len(beams))
+    named = named_beams(recipe, bare, geometry, locations, force_levels)
+    names = tuple(Location.of(here, 0) for here in named.beams)
+    refuse_overlap(named.beams, names)
+    pressed = _pressed(normal_forces, named.table, len(names))
     order = _order(names, pressed)
-    levels = np.unique(list(force_levels) or table.force or recipe.force)
-    conditions, beyond = under_conditions(table, task, levels.tolist(), pressed[:, order[0]].tolist())
-    settings = ForecastSettings(table.draws, table.seed, table.method)
-    predicted = _forecast(conditions, [beams[one] for one in order], pressed[0, order], settings, progress)
-    own = [replace(one, where=str(name)) for here, name in zip(beams, names) for one in about_overhang(task, here, 0)]
-    findings = (
-        *predicted.findings,
-        *own,
-        *about_points(task),
-        *about_keep_out(task.surface, recipe.keep_out()),
-        *recipe.former_names,
-        *hung,
-        *beyond,
-        *about_forces(recipe, levels, np.unique(pressed)),
-        *about_readings(recipe),
-    )
+    conditions, common = named.under(pressed[:, order[0]], np.unique(pressed))
+    asked = beams_asked(conditions, [named.beams[row] for row in order], pressed[0, order], named.settings.method)
+    predicted, *_ = forecast_and_draws(asked, named.settings, progress=progress)
+    own = [
+        replace(one, where=str(name))
+        for here, name in zip(named.beams, names, strict=True)
+        for one in about_overhang(named.task, here, 0)
+    ]
+    findings = (*predicted.findings, *own, *common)
     return BeamsForecast(
         locations=names,
         normal_forces=pressed,
         forecast=replace(predicted, beam=_listed(names, pressed), findings=findings),
     )
+
+
+def about_forecast(result: BeamsForecast) -> tuple[Finding, ...]:
+    """What the beams do together as findings of a placement, one for each target mode and F_E under each set of F_N."""
+    forecast, count = result.forecast, len(result.locations)
+    findings = []
+    for row, level, column in np.ndindex(forecast.damping.shape):
+        f, z = (
+            [float(getattr(forecast, what + end)[row, level, column]) for end in ("", "_low", "_high")]
+            for what in ("frequency", "damping")
+        )
+        if not np.isfinite([*f, *z]).all():
+            continue
+        findings.append(
+            Finding.of(
+                "info",
+                "beams-forecast",
+                f"{count} beams",
+                "together, under F_N {forces} N and F_E {level} N, mode {mode} has {f} Hz [{f_low}, {f_high}] and a "
+                "damping ratio of {z} % [{z_low}, {z_high}], with 95 % bands from {draws} draws.",
+                z[0],
+                forces=", ".join(f"{force:.4g}" for force in result.normal_forces[column]),
+                level=f"{forecast.force_levels[level]:.4g}",
+                mode=forecast.modes[row],
+                **dict(zip(("f", "f_low", "f_high"), (f"{one:.3f}" for one in f), strict=True)),
+                **dict(zip(("z", "z_low", "z_high"), (f"{100 * one:.3f}" for one in z), strict=True)),
+                draws=forecast.draws,
+            )
+        )
+    return tuple(findings)
 
 
 def refuse_overlap(beams: Sequence[Candidates], names: Sequence[Location]) -> None:
@@ -190,11 +197,6 @@ def _footprint(here: Candidates) -> Float[np.ndarray, "corner 2"]:
     along = 0.5 * beam.length * np.array([np.cos(angle), np.sin(angle)])
     across = 0.5 * beam.width * np.array([-np.sin(angle), np.cos(angle)])
     return np.asarray(here.centres[0] + np.array([along + across, across - along, -along - across, along - across]))
-
-
-def _named(here: Candidates) -> Location:
-    x, y = here.centres[0].tolist()
-    return Location(centre=(x, y), angle=float(here.angles[0]), beam=here.catalogue[int(here.beams[0])].name)
 
 
 def _listed(names: Sequence[Location], pressed: Float[np.ndarray, "force beam"]) -> str:
@@ -255,106 +257,18 @@ def beams_question(
         for sticking in (False, True):
             linear = linear_modes(pressed, at, sticking=sticking)
             ends.append(linear.frequencies[np.argmax(linear.shapes[list(task.modes)] ** 2, axis=1)])
-    low, high = (1 - _WIDER) * np.min(ends, axis=0), (1 + _WIDER) * np.max(ends, axis=0)
-    return Question(
-        model,
-        at,
-        np.asarray(task.force_levels, dtype=np.float64),
-        np.asarray(task.normal_forces, dtype=np.float64),
-        tuple(zip(low.tolist(), high.tolist(), strict=True)),
-        fitted,
-        None if task.output is None else Dof.parse(task.output),
-        tuple(int(mode) for mode in task.modes),
-        float(np.mean(PRESSURE)) if task.joint.normal_contact == "unilateral" else None,
-    )
+    low, high = (1 - WIDER) * np.min(ends, axis=0), (1 + WIDER) * np.max(ends, axis=0)
+    return of_model(task, model, list(zip(low.tolist(), high.tolist(), strict=True)), fitted=fitted)
 
 
-def _forecast(
-    task: Task,
-    beams: Sequence[Candidates],
-    normal_forces: Float[np.ndarray, "beam"],
-    settings: ForecastSettings,
-    progress: Progress,
-) -> Forecast:
-    """Values by all modes and harmonics, bands by draws of the fundamental: as ``ema.place.forecast`` of one beam."""
-    if settings.draws < 10:
-        raise InputError("too few draws for a band", where="forecast", got=settings.draws, expected="10 or more")
-    nominal = beams_question(task, beams, normal_forces, fitted=settings.method == "measured")
-    ((_, whole),) = verify_all([nominal])
-    spread_out = np.repeat((shares(nominal) < MAJORITY)[:, None], len(task.force_levels), axis=1)
-    middle = np.where(spread_out[:, None], np.nan, whole[:, :2])
-    rough = fundamental(nominal)
-    harmonics = np.nan_to_num(np.abs(np.log(middle / rough[:, :2])))
-    rng = np.random.default_rng(settings.seed)
-    spread, opened, taken = [], [], []
-    cases = _cases(task, beams, nominal, normal_forces / normal_forces[0], settings.draws, rng)
-    for number, (sample, drawn_beams, case) in enumerate(cases):
-        values, parts = resonances_of(case, harmonics, rng)
-        spread.append(values)
-        opened.append(parts)
-        taken.append(_inputs(sample, case, drawn_beams))
-        advance(progress, "bands of the forecast", number + 1, settings.draws)
-    parted = np.mean(opened, axis=0) > 1 - ENOUGH
-    middle = np.where((parted & (nominal.pressure is not None))[:, None], np.nan, middle)
-    ratios = np.array(spread) / rough[:, :2]
-    low, values, high = bands._band(middle, ratios, named=task.joint.form == "given")
-    sources, of_sources = budget(taken, ratios, harmonics)
-    bare = task.bare.poles[list(task.modes)]
-    return Forecast(
-        (np.nan, np.nan),
-        np.nan,
-        "",
-        tuple(mode + 1 for mode in task.modes),
-        np.abs(bare) / (2 * np.pi),
-        -bare.real / np.abs(bare),
-        nominal.force_levels,
-        nominal.normal_forces,
-        values[:, 0],
-        low[:, 0],
-        high[:, 0],
-        values[:, 1],
-        low[:, 1],
-        high[:, 1],
-        settings.draws,
-        settings.method,
-        sources,
-        of_sources[0],
-        of_sources[1],
-        (
-            *bands._about_holes(np.isfinite(low[:, 1]), spread_out, parted, np.isfinite(middle[:, 1])),
-            *bands._about_harmonics(harmonics[:, 1]),
-        ),
-        Provenance(
-            steps=("place.forecast_together",),
-            options=(("draws", str(settings.draws)), ("seed", str(settings.seed)), ("beams", str(len(beams)))),
-        ),
-    )
+def beams_asked(
+    task: Task, beams: Sequence[Candidates], normal_forces: Float[np.ndarray, "beam"], method: Method
+) -> Asked:
+    """Several beams; under the forces of the task the first one is pressed, and the others in proportion."""
+    proportions = normal_forces / normal_forces[0]
 
+    def model_of(sample: Task, drawn: Sequence[Candidates]) -> BeamModel:
+        return beams_model(sample, drawn, float(sample.normal_forces[0]) * proportions)
 
-def _cases(
-    task: Task,
-    beams: Sequence[Candidates],
-    nominal: Question,
-    proportions: Float[np.ndarray, "beam"],
-    draws: int,
-    rng: np.random.Generator,
-) -> Iterator[tuple[Task, list[Candidates], Question]]:
-    """Draws of what is not known: the task, the beams, and the question that is asked of them."""
-    limits = tuple((low * (1 - bands._SHIFT), high * (1 + bands._SHIFT)) for low, high in nominal.bands)
-    for sample in drawn(task, draws, rng):
-        # the material of all beams is one
-        first = beams_drawn(beams[0], rng)
-        loss = first.catalogue[int(first.beams[0])].loss
-        own = [replace(here, catalogue=tuple(replace(beam, loss=loss) for beam in here.catalogue)) for here in beams]
-        model = beams_model(sample, own, float(sample.normal_forces[0]) * proportions)
-        case = nominal._replace(model=model, normal_forces=sample.normal_forces, bands=limits)
-        case = bands._uneven(case, task.joint.scatter, rng)
-        if case.pressure is not None:
-            case = case._replace(pressure=rng.uniform(*PRESSURE))
-        yield sample, own, case
-
-
-def _inputs(sample: Task, case: Question, beams: Sequence[Candidates]) -> dict[str, Float[np.ndarray, "mode value"]]:
-    """What a draw took for the things that are not known, with the shapes under every beam."""
-    each = [inputs(sample, case, here) for here in beams]
-    return each[0] | {_SHAPE: np.hstack([one[_SHAPE] for one in each])}
+    nominal = beams_question(task, beams, normal_forces, fitted=method == "measured")
+    return Asked(task, tuple(beams), nominal, model_of)

@@ -1,20 +1,20 @@
 """Where several beams go: one after the other with those before in place, then exchanged one at a time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ema.data import Finding
 from ema.data.placement import Candidates, Place, Prediction
 from ema.errors import InputError
+from ema.place.beams_choice import BeamsSearch
 from ema.place.beams_forecast import beams_question, overlap
 from ema.place.fundamental import MAJORITY, fundamental, shares
 from ema.place.location import Location
-from ema.place.objective import IN_DECIBELS, Objective, scores
+from ema.place.objective import Objective, scores
 from ema.place.predictor import shapes_at
+from ema.place.recipe import ROBUST_TOGETHER
 from ema.place.task import Task, only
 from ema.progress import Progress, advance, silent
 
@@ -28,51 +28,6 @@ ROUNDS = 2
 """Rounds of exchanges at most: a bound on the work."""
 GAIN = 1e-6
 """Relative gain of the objective from which on a beam moves: what is less is rounding of the search for a peak."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BeamsSearch:
-    """Several beams that were chosen to act together.
-
-    Parameters
-    ----------
-    locations : tuple of Location
-        Where the beams go, in the order in which they were chosen.
-    normal_forces : array of shape (beam,)
-        F_N per joint [N] of every beam.
-    objective : str
-        The objective in words.
-    alone : float
-        Value of the objective [-] of the best beam alone.
-    values : array of shape (step,)
-        Value of the objective [-] with the first beam, with every one that was added, and after every exchange.
-    rounds : int
-        Rounds of exchanges.
-    cases : int
-        Sets of beams and normal forces that were computed.
-
-    Examples
-    --------
-    >>> here = (Location(centre=(0.1, 0.1)), Location(centre=(0.4, 0.1)))
-    >>> BeamsSearch(
-    ...     locations=here, normal_forces=np.array([50.0, 80.0]), objective="damping", alone=0.01,
-    ...     values=np.array([0.01, 0.016]), rounds=1, cases=120,
-    ... ).gain
-    1.6
-    """
-
-    locations: tuple[Location, ...]
-    normal_forces: Float[np.ndarray, "beam"]
-    objective: str
-    alone: float
-    values: Float[np.ndarray, "step"]
-    rounds: int
-    cases: int
-
-    @property
-    def gain(self) -> float:
-        """Value of the objective over that of the best beam alone."""
-        return float(self.values[-1] / self.alone)
 
 
 class _Pressed(NamedTuple):
@@ -121,7 +76,7 @@ def search_together(
     beams : int
         How many beams, two or more.
     objective : Objective, optional
-        How sets are judged, by the damping of the target modes.
+        How sets are judged.
     most_mass : float, default inf
         Mass [kg] of all beams at most.
     progress : Progress, optional
@@ -135,7 +90,7 @@ def search_together(
     Raises
     ------
     InputError
-        If there are fewer than two beams, the objective is in dB or robust, or no further beam fits.
+        If there are fewer than two beams, the objective is robust, or no further beam fits.
 
     Examples
     --------
@@ -158,7 +113,8 @@ def search_together(
     sets = [search.begun_at(first) for first in search.starts(ranked)]
     best = max(sets, key=lambda one: one.values[-1])
     return BeamsSearch(
-        locations=tuple(_location(candidates, one.row) for one in best.chosen),
+        locations=tuple(Location.of(candidates, one.row) for one in best.chosen),
+        rows=tuple(one.row for one in best.chosen),
         normal_forces=np.array([one.force for one in best.chosen]),
         objective=str(wanted),
         alone=max(one.values[0] for one in sets),
@@ -168,48 +124,17 @@ def search_together(
     )
 
 
-def about_beams(choice: BeamsSearch) -> Finding:
-    """The choice as a finding of a placement: what it is, and how it was searched."""
-    listed = "; ".join(
-        f"{one}, F_N {force:g} N" for one, force in zip(choice.locations, choice.normal_forces, strict=True)
-    )
-    return Finding.of(
-        "info",
-        "several-beams",
-        "search",
-        "{count} beams that act together: {listed}. Their objective ({objective}) is {value} %, that of the best "
-        "beam alone {alone} %, by all modes and the first harmonic. They were chosen one after the other, then "
-        "exchanged in {rounds} rounds, over {cases} cases in all: this need not be the best set.",
-        choice.gain,
-        advice="Their forecast with bands is that of `ema predict --together`.",
-        count=len(choice.locations),
-        listed=listed,
-        objective=choice.objective,
-        value=f"{100 * choice.values[-1]:.4g}",
-        alone=f"{100 * choice.alone:.4g}",
-        rounds=choice.rounds,
-        cases=choice.cases,
-    )
-
-
 def _check(beams: int, objective: Objective) -> None:
     if beams < 2:
         raise InputError("not a number of several beams", where="search", got=beams, expected="2 or more")
-    if objective.aim in IN_DECIBELS or objective.robust:
+    if objective.robust:
         raise InputError(
-            "several beams are judged by their damping",
+            "several beams are not chosen by the lower end of an interval",
             where="objective",
             got=str(objective),
-            expected="damping, least damping or geometric mean, and robust = false",
-            advice="choose one of them, or place a single beam",
+            expected="robust = false",
+            advice=ROBUST_TOGETHER,
         )
-
-
-def _location(candidates: Candidates, row: int) -> Location:
-    x, y = candidates.centres[row].tolist()
-    return Location(
-        centre=(x, y), angle=float(candidates.angles[row]), beam=candidates.catalogue[int(candidates.beams[row])].name
-    )
 
 
 class _Search:
@@ -261,7 +186,7 @@ class _Search:
             rounds, moved = rounds + 1, False
             for number in range(self.beams):
                 best, value = self.best(chosen[:number] + chosen[number + 1 :])
-                if value > values[-1] * (1 + GAIN):
+                if value > values[-1] + GAIN * abs(values[-1]):
                     chosen[number], moved = best, True
                     values.append(value)
         return _Set(chosen, values, rounds)
@@ -302,23 +227,23 @@ class _Search:
     def _values(self, others: Sequence[_Pressed], row: int, forces: Sequence[float]) -> list[float]:
         """Value of the objective for each normal force of the beam in ``row``, with the others as they are."""
         beams = [only(self.candidates, [one]) for one in (row, *(one.row for one in others))]
-        damping = np.full((1, len(self.task.modes), len(self.task.force_levels), len(forces)), np.nan)
-        frequency = damping.copy()
+        peaks = np.full((3, 1, len(self.task.modes), len(self.task.force_levels), len(forces)), np.nan)
         for column, force in enumerate(forces):
             pressed = [force, *(one.force for one in others)]
             asked = beams_question(self.task._replace(normal_forces=np.array([force])), beams, pressed)
-            motion = fundamental(asked)
-            parted = (motion[:, 2, :, 0] >= 1) & (asked.pressure is not None)
+            frequency, damping, opening, height = fundamental(asked)[..., 0].swapaxes(0, 1)
+            parted = (opening >= 1) & (asked.pressure is not None)
             # of a mode that is spread over several resonances a forecast states nothing
             spread_out = shares(asked) < MAJORITY
-            frequency[0, ..., column] = motion[:, 0, :, 0]
-            damping[0, ..., column] = np.where(parted | spread_out, np.nan, motion[:, 1, :, 0])
+            peaks[:, 0, ..., column] = np.where(parted | spread_out, np.nan, [frequency, damping, height])
             self.cases += 1
-        return [float(one) for one in scores(self._prediction(row, forces, frequency, damping), self.objective)[0]]
+        return [float(one) for one in scores(self._prediction(row, forces, peaks), self.objective)[0]]
 
-    def _prediction(self, row: int, forces: Sequence[float], frequency: np.ndarray, damping: np.ndarray) -> Prediction:
-        """What the objective judges: the set as the candidate that was added to it."""
-        task, unknown = self.task, np.full_like(damping, np.nan)
+    def _prediction(
+        self, row: int, forces: Sequence[float], peaks: Float[np.ndarray, "3 1 mode level force"]
+    ) -> Prediction:
+        """What the objective judges, from Hz, damping ratio and height: the set as the candidate that was added."""
+        task, (frequency, damping, height) = self.task, peaks
         modes = list(task.modes)
         poles, driver = task.bare.poles[modes], shapes_at(task.bare, task.at)[modes]
         return Prediction(
@@ -330,8 +255,9 @@ class _Search:
             np.array(forces),
             frequency,
             damping,
-            unknown,
-            unknown,
+            # as where a shortlist is checked: the drive phi^2 F of the bare mode over |X|
+            driver[:, None, None] ** 2 * task.force_levels[:, None] / height,
+            np.full_like(damping, np.nan),
             driver,
             driver if task.output is None else shapes_at(task.bare, task.output)[modes],
             method="all modes",

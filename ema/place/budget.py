@@ -17,11 +17,13 @@ _PER_COLUMN = 4
 HARMONICS, REST = "upper harmonics of the friction", "all else, and what acts together"
 
 
-def inputs(sample: Task, case: Question, here: Candidates) -> dict[str, Float[np.ndarray, "mode value"]]:
+def inputs(sample: Task, case: Question, beams: Sequence[Candidates]) -> dict[str, Float[np.ndarray, "mode value"]]:
     """What one draw took for the things that are not known, by their names, for every target mode."""
     law, modes, joints = sample.joint.law, list(sample.modes), case.model.joints
-    points, angle = here.joints(0), float(here.angles[0])
-    at_joints = [sample.surface.values(points)[:, modes], sample.surface.values(points, 1, angle)[:, modes]]
+    at_joints = []
+    for here in beams:
+        points, angle = here.joints(0), float(here.angles[0])
+        at_joints += [sample.surface.values(points)[:, modes], sample.surface.values(points, 1, angle)[:, modes]]
     wanted = [Dof.parse(dof) for dof in (sample.at, sample.output) if dof is not None]
     driven = [found[1] for found in match(wanted, sample.bare.dofs)]
     poles = sample.bare.poles[modes]
@@ -41,7 +43,7 @@ def inputs(sample: Task, case: Question, here: Candidates) -> dict[str, Float[np
         "normal force": np.log(sample.normal_forces[:1]),
         "height of the interface": [sample.joint.surface_height],
         "scatter from joint to joint": np.log(uneven).ravel(),
-        "loss factor of the beam": [here.catalogue[int(here.beams[0])].loss],
+        "loss factor of the beam": [beams[0].catalogue[int(beams[0].beams[0])].loss],
         "modes above those known": np.log([sample.flexibility_factor]),
     }
     return {

@@ -29,19 +29,19 @@ _CLOSE = 1e-4
 """Relative change of the frequency that no longer matters there."""
 
 
-def fundamental(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
-    """Every resonance by first harmonics: Hz, damping ratio, opening; NaN where no peak belongs to the mode.
+def fundamental(question: Question) -> Float[np.ndarray, "mode 4 level force"]:
+    """Every resonance by first harmonics: Hz, damping ratio, opening, height; NaN where no peak belongs to the mode.
 
     A peak belongs to the bare mode that moves more in it than any other. ``fitted`` questions are answered with what a
     one-mode fit of the response of the output reads. The opening is the amplitude of the normal force over that at
-    rest: from 1 on a joint parts, and normal springs that also pull are no model of it any more. With a
-    ``pressure`` the edges of a patch lift off before (`ema.place.lift_off`).
+    rest: from 1 on a joint parts, and normal springs that also pull are no model of it any more. The height is |X| in m
+    at the excited DOF. With a ``pressure`` the edges of a patch lift off before (`ema.place.lift_off`).
     """
     from ema.place import fundamental_kernels
 
     kernels: Any = fundamental_kernels
     levels, forces = np.asarray(question.force_levels), np.asarray(question.normal_forces)
-    result = np.full((len(question.bands), 3, len(levels), len(forces)), np.nan)
+    result = np.full((len(question.bands), 4, len(levels), len(forces)), np.nan)
     output = question.output if question.fitted and question.output is not None else question.at
     structure: tuple[np.ndarray, ...] | None = None
     for column, force in enumerate(forces):
@@ -57,7 +57,7 @@ def fundamental(question: Question) -> Float[np.ndarray, "mode 3 level force"]:
                     width = BANDWIDTHS * peak[1] * peak[0]
                     lines = np.linspace(peak[0] - width, peak[0] + width, LINES)
                     values = kernels.curve(lines, float(level), softer, contact) / level
-                    peak = (*_fitted(lines, values, peak[0], question), peak[2])
+                    peak = (*_fitted(lines, values, peak[0], question), *peak[2:])
                 result[row, :, number, column] = peak
     return result
 
@@ -69,28 +69,27 @@ def _peak(
     structure: tuple[np.ndarray, ...],
     contact: tuple[Any, ...],
     patch: Patches | None,
-) -> tuple[tuple[float, float, float], tuple[np.ndarray, ...]]:
-    """Frequency, damping ratio and opening at a peak, and the structure with what its patches have left there.
+) -> tuple[tuple[float, float, float, float], tuple[np.ndarray, ...]]:
+    """Frequency, damping ratio, opening and height of a peak, and the structure with what its patches have left there.
 
     The opening is that of springs that also pull.
     """
     from ema.place import fundamental_kernels
 
     kernels: Any = fundamental_kernels
-    *found, forces = kernels.peak_of(target, *band, level, structure, contact)
-    frequency, damping, opening = found
+    frequency, damping, opening, height, forces = kernels.peak_of(target, *band, level, structure, contact)
     softer, whole = structure, structure[6]
     if patch is None or not np.isfinite(frequency):
-        return (frequency, damping, opening), softer
+        return (frequency, damping, opening, height), softer
     for _ in range(LIFTS):
         # half way: the softer a patch, the more it moves
         soft = np.sqrt(softer[6] * softened(patch, whole, forces * softer[6]))
         softer = (*structure[:6], soft, structure[7])
         before = frequency
-        frequency, damping, _, forces = kernels.peak_of(target, *band, level, softer, contact)
+        frequency, damping, _, height, forces = kernels.peak_of(target, *band, level, softer, contact)
         if not np.isfinite(frequency) or abs(frequency - before) < _CLOSE * before:
-            return (frequency, damping, opening), softer
-    return (np.nan, np.nan, opening), softer
+            return (frequency, damping, opening, height), softer
+    return (np.nan, np.nan, opening, np.nan), softer
 
 
 MAJORITY = 0.5

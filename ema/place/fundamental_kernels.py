@@ -148,8 +148,8 @@ def taking_part(target, count, q):
 
 @compiled(error_model="numpy")
 def peak_of(target, low, high, load, structure, contact):
-    """The peak of the output that belongs to a bare mode: Hz, damping ratio, how far the joints open, or NaN, and the
-    forces of the normal springs.
+    """The peak of the output that belongs to a bare mode: Hz, damping ratio, how far the joints open, height [m] at the
+    excited DOF, or NaN, and the forces of the normal springs.
 
     The third is the amplitude of the normal force over that at rest, of the joint where it is largest.
     Of the peaks within the band in which that mode moves more than any other bare mode, the one where it moves most.
@@ -172,11 +172,11 @@ def peak_of(target, low, high, load, structure, contact):
             slip[:] = before
     at_peak = np.zeros_like(p)
     if top < 0:
-        return np.nan, np.nan, np.nan, at_peak
+        return np.nan, np.nan, np.nan, np.nan, at_peak
     z[SLIP] = slip
     at = np.array([top - 1.0, float(top), top + 1.0]) * step
     y = heights[top - 1 : top + 2].copy()
-    frequency, damping, opening = np.nan, np.nan, np.nan
+    frequency, damping, opening, height = np.nan, np.nan, np.nan, np.nan
     for _ in range(STEPS):
         left, middle, right = 1 / max(y[0], 1e-300) ** 2, 1 / y[1] ** 2, 1 / max(y[2], 1e-300) ** 2
         above = (at[1] - at[0]) ** 2 * (middle - right) - (at[1] - at[2]) ** 2 * (middle - left)
@@ -197,6 +197,7 @@ def peak_of(target, low, high, load, structure, contact):
                 energy += q[k].real ** 2 + q[k].imag ** 2
             frequency = omega / (2 * math.pi)
             damping = -0.5 * load * driver.imag / (omega**2 * energy)
+            height = abs(driver)
             at_peak[:] = p
             opening = 0.0
             for i in range(len(contact[4])):
@@ -209,4 +210,4 @@ def peak_of(target, low, high, load, structure, contact):
             at[1], y[1] = new, value
         else:
             at[side], y[side] = new, value
-    return frequency, damping, opening, at_peak
+    return frequency, damping, opening, height, at_peak

@@ -1,4 +1,4 @@
-"""A whole placement: modes of the bare structure and a recipe -> ranking, control study, warning."""
+"""A whole placement: modes of the bare structure and a recipe -> ranking, beams together, control study, warning."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -13,20 +13,19 @@ from ema.data.placement import Candidates, ControlStudy, Place, Placement, Ranki
 from ema.data.trials import Trials
 from ema.errors import InputError
 from ema.place.bands import ForecastSettings, forecast
+from ema.place.beams_choice import BeamsSearch, about_beams, as_option
+from ema.place.beams_search import search_together
 from ema.place.candidates import about_keep_out, grid
 from ema.place.conditioning import updated
 from ema.place.control import control_study
 from ema.place.ranking import SearchSettings, search
-from ema.place.recipe import DoneTable, ForecastTable, PlaceRecipe, TrialsTable
+from ema.place.recipe import DoneTable, PlaceRecipe, TrialsTable
 from ema.place.shortlist import KeptPlaces
+from ema.place.targets import refuse_modes_with_a_beam, target_task, under_conditions
 from ema.place.task import Task
 from ema.place.trials import TrialCondition, next_tests
 from ema.progress import Progress, silent
-from ema.shapes import smooth, with_body_uncertainty, with_plate, with_rigid_body
 
-_FAR = 0.05
-"""Distance of a target from the nearest mode, over its frequency, from which on there is no such mode: a wrong number
-in a recipe is refused instead of placed for."""
 _UNSUITABLE = ("holes", "unsolved", "joint-parts")
 """Findings that say why places do not count."""
 
@@ -64,7 +63,9 @@ def place(
     Returns
     -------
     Placement
-        Ranking of the places, forecast and next tests at the best ones, and findings.
+        Ranking of the places, forecast and next tests at the best ones, and findings. Where the recipe asks for several
+        beams, those that were chosen to act together are a finding, and :func:`ema.place.beams_choice.chosen_beams`
+        of it.
 
     Raises
     ------
@@ -95,6 +96,7 @@ def place(
             got=" ".join(one.message for one in ranking.findings if one.code in _UNSUITABLE),
             advice="press more, excite less, or take another beam",
         )
+    together = _together(recipe, task, candidates, ranking, progress)
     study = _control(recipe, task, candidates, ranking.best, progress)
     predicted, tests, beyond = _forecast(recipe, task, candidates, ranking, executor, progress)
     return Placement(
@@ -114,8 +116,12 @@ def place(
             *hung,
             *beyond,
             *about_verdict(verdict),
+            *(about_beams(choice) for choice in together),
         ),
-        Provenance(steps=("ema.place",), options=(("recipe", recipe.model_dump_json()),)),
+        Provenance(
+            steps=("ema.place",),
+            options=(("recipe", recipe.model_dump_json()), *(as_option(choice) for choice in together)),
+        ),
         geometry,
         predicted,
         tests,
@@ -151,41 +157,23 @@ def refuse_disagreement(verdict: Verdict | None, where: str) -> None:
         )
 
 
-def refuse_modes_with_a_beam(bare: ModalModel, where: str) -> None:
-    """Refuse modes that were measured with a friction beam."""
-    if bare.condition.joints:
-        names = ", ".join(joint.joint for joint in bare.condition.joints)
-        raise InputError(
-            "these modes were measured with a friction beam",
-            where=where,
-            got=f"joints {names}",
-            expected="the structure without the beam",
-            advice="choose the bare run",
-        )
-
-
-def target_task(
-    recipe: PlaceRecipe, bare: ModalModel, geometry: Geometry, where: str
-) -> tuple[Task, tuple[Finding, ...]]:
-    """Target modes, surface and forces of the recipe, with the rigid-body modes of a structure that hangs freely."""
-    measured = len(bare.poles)
-    bare, hung = with_rigid_body(_elastic(bare), geometry, recipe.mass)
-    modes = tuple(_near(bare, frequency, where) for frequency in recipe.near)
-    if len(set(modes)) < len(modes):
-        raise InputError("two targets are one mode", where=where, got=f"{recipe.near} Hz", expected="distinct modes")
-    surface = with_body_uncertainty(smooth(bare, geometry), len(bare.poles) - measured, recipe.mass is not None)
-    task = Task(
-        bare,
-        surface,
-        recipe.bolted_joint(),
-        recipe.at,
-        np.array(recipe.force),
-        np.unique(recipe.normal_force),
-        modes,
-        recipe.output,
-        in_plane=recipe.in_plane,
+def _together(
+    recipe: PlaceRecipe, task: Task, candidates: Candidates, ranking: Ranking, progress: Progress
+) -> tuple[BeamsSearch, ...]:
+    """The beams that act together, where the recipe asks for several."""
+    wanted = recipe.search
+    if wanted.beams == 1:
+        return ()
+    choice = search_together(
+        task,
+        candidates,
+        ranking.places,
+        beams=wanted.beams,
+        objective=recipe.wanted(),
+        most_mass=np.inf if wanted.most_mass is None else wanted.most_mass,
+        progress=progress,
     )
-    return task, tuple(hung)
+    return (choice,)
 
 
 def _control(
@@ -241,23 +229,6 @@ def _forecast(
     return tests.forecast, tests, beyond
 
 
-def under_conditions(
-    table: ForecastTable, task: Task, levels: Sequence[float], forces: Sequence[float]
-) -> tuple[Task, tuple[Finding, ...]]:
-    """The task of a forecast under F_E and F_N [N], and what is to be known about the modes above those measured."""
-    bare, surface, beyond = task.bare, task.surface, tuple[Finding, ...]()
-    if table.above == "plate":
-        bare, surface, beyond = with_plate(bare, surface)
-    task = task._replace(
-        bare=bare,
-        surface=surface,
-        force_levels=np.array(levels),
-        normal_forces=np.array(forces),
-        scale_std=0.5 * table.calibration_std,
-    )
-    return task, beyond
-
-
 def _with_recommended(forces: Sequence[float], recommended: float) -> list[float]:
     """Normal forces of a forecast, the recommended one among them."""
     return list(forces) if any(np.isclose(forces, recommended)) else sorted([*forces, recommended])
@@ -304,27 +275,6 @@ def _after(tests: Trials, done: DoneTable) -> Trials:
         got=f"F_E {done.force:g} N, F_N {done.normal_force:g} N",
         expected="a condition in which the joints hold and a peak belongs to the mode",
     )
-
-
-def _elastic(bare: ModalModel) -> ModalModel:
-    """Modes with real shapes; those far from proportional damping are made real."""
-    from ema.shapes import realise
-
-    lost = float(np.linalg.norm(np.imag(bare.shapes))) / max(float(np.linalg.norm(bare.shapes)), 1e-300)
-    return bare if lost < 1e-9 else replace(bare, shapes=realise(bare.shapes).astype(complex))
-
-
-def _near(bare: ModalModel, frequency: float, where: str) -> int:
-    known = bare.natural_frequencies
-    row = int(np.argmin(np.abs(known - frequency)))
-    if abs(known[row] - frequency) > _FAR * frequency:
-        raise InputError(
-            "no mode near this frequency",
-            where=where,
-            got=f"{frequency:g} Hz",
-            expected="one of " + ", ".join(f"{one:.1f}" for one in known) + " Hz",
-        )
-    return row
 
 
 def _warning(verdict: Verdict | None) -> str:

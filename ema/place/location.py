@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -13,9 +14,9 @@ from ema.messages import mark
 from ema.place.bands import ForecastSettings, forecast
 from ema.place.candidates import ROUNDING, about_keep_out, touch
 from ema.place.flags import about_points, flags
-from ema.place.job import refuse_modes_with_a_beam, target_task, under_conditions
 from ema.place.predictor import predict
 from ema.place.recipe import ForecastTable, PlaceRecipe
+from ema.place.targets import refuse_modes_with_a_beam, target_task, under_conditions
 from ema.place.task import Task
 from ema.progress import Progress, silent
 from ema.shapes import Surface
@@ -46,6 +47,32 @@ class Location:
     centre: tuple[float, float]
     angle: float = 0.0
     beam: str = ""
+
+    @classmethod
+    def of(cls, candidates: Candidates, row: int) -> "Location":
+        """Return the location of a candidate.
+
+        Parameters
+        ----------
+        candidates : Candidates
+            Locations of beams.
+        row : int
+            Row of the candidate.
+
+        Returns
+        -------
+        Location
+            Its centre, angle and beam.
+
+        Examples
+        --------
+        >>> beam = FrictionBeam(spacing=0.2, width=0.02, height=0.01, name="slim")
+        >>> str(Location.of(Candidates([[0.1, 0.3]], [0.0], [0], (beam,)), 0))
+        'slim at (0.1, 0.3) m, 0 deg'
+        """
+        x, y = candidates.centres[row].tolist()
+        beam = candidates.catalogue[int(candidates.beams[row])].name
+        return cls(centre=(x, y), angle=float(candidates.angles[row]), beam=beam)
 
     def __str__(self) -> str:
         x, y = self.centre
@@ -112,33 +139,72 @@ def forecast_at(
     >>> result.frequency.shape, [one.code for one in result.findings if one.code == "outside-recipe"]
     ((1, 1, 1), ['outside-recipe'])
     """
+    named = named_beams(recipe, bare, geometry, locations, force_levels)
+    forces = np.unique(list(normal_forces) or named.table.normal_force)
+    under_forces = named.task._replace(force_levels=named.levels, normal_forces=forces)
+    flagged = [_flags(under_forces, here) for here in named.beams]
+    conditions, common = named.under(forces, forces)
+    results = []
+    for here, own in zip(named.beams, flagged, strict=True):
+        predicted = forecast(conditions, here, 0, named.settings, progress=progress)
+        results.append(replace(predicted, findings=(*predicted.findings, *own, *common)))
+    return tuple(results)
+
+
+class NamedBeams(NamedTuple):
+    """Beams at named locations on the structure of a recipe, each the one candidate of its own, and F_E [N]."""
+
+    recipe: PlaceRecipe
+    task: Task
+    beams: tuple[Candidates, ...]
+    levels: Float[np.ndarray, "level"]
+    table: ForecastTable
+    about_structure: tuple[Finding, ...]
+
+    @property
+    def settings(self) -> ForecastSettings:
+        """Draws, their seed and the method of the recipe's forecast."""
+        return ForecastSettings(self.table.draws, self.table.seed, self.table.method)
+
+    def under(
+        self, normal_forces: Float[np.ndarray, "force"], every: Float[np.ndarray, "any"]
+    ) -> tuple[Task, tuple[Finding, ...]]:
+        """The task under F_N [N], and what a reader has to know of the structure, the recipe and ``every`` F_N."""
+        conditions, beyond = under_conditions(self.table, self.task, self.levels.tolist(), normal_forces.tolist())
+        findings = (
+            *about_points(self.task),
+            *about_keep_out(self.task.surface, self.recipe.keep_out()),
+            *self.recipe.former_names,
+            *self.about_structure,
+            *beyond,
+            *about_forces(self.recipe, self.levels, every),
+            *about_readings(self.recipe),
+        )
+        return conditions, findings
+
+
+def named_beams(
+    recipe: PlaceRecipe,
+    bare: ModalModel,
+    geometry: Geometry,
+    locations: Sequence[Location],
+    force_levels: Sequence[float] | Float[np.ndarray, "level"],
+) -> NamedBeams:
+    """Check what a recipe, the modes without a beam and the named locations say of a forecast.
+
+    Raises
+    ------
+    InputError : no location; modes with a beam, no such target mode; and what ``located`` refuses.
+    """
     where = bare.name or "bare structure"
     refuse_modes_with_a_beam(bare, where)
     task, hung = target_task(recipe, bare, geometry, where)
     table = recipe.forecast or ForecastTable.model_construct(normal_force=list(recipe.normal_force))
     levels = np.unique(list(force_levels) or table.force or recipe.force)
-    forces = np.unique(list(normal_forces) or table.normal_force)
-    beams = [located(recipe, task.surface, location) for location in locations]
+    beams = tuple(located(recipe, task.surface, location) for location in locations)
     if not beams:
-        raise InputError("no location for the beam", where=where, expected="one or more locations")
-    under_forces = task._replace(force_levels=levels, normal_forces=forces)
-    flagged = [_flags(under_forces, here) for here in beams]
-    conditions, beyond = under_conditions(table, task, levels.tolist(), forces.tolist())
-    settings = ForecastSettings(table.draws, table.seed, table.method)
-    common = (
-        *about_points(task),
-        *about_keep_out(task.surface, recipe.keep_out()),
-        *recipe.former_names,
-        *hung,
-        *beyond,
-        *about_forces(recipe, levels, forces),
-        *about_readings(recipe),
-    )
-    results = []
-    for here, own in zip(beams, flagged, strict=True):
-        predicted = forecast(conditions, here, 0, settings, progress=progress)
-        results.append(replace(predicted, findings=(*predicted.findings, *own, *common)))
-    return tuple(results)
+        raise InputError("no location for a beam", where=where, expected="one or more locations")
+    return NamedBeams(recipe, task, beams, levels, table, hung)
 
 
 def located(recipe: PlaceRecipe, surface: Surface, location: Location) -> Candidates:
@@ -212,8 +278,7 @@ def _refuse_joints_beyond(
 
 def _flags(task: Task, here: Candidates) -> tuple[Finding, ...]:
     """What a ranking would flag of the location, under every normal force."""
-    x, y = here.centres[0].tolist()
-    name = str(Location(centre=(x, y), angle=float(here.angles[0]), beam=here.catalogue[int(here.beams[0])].name))
+    name = str(Location.of(here, 0))
     prediction = predict(task, here)
     findings: dict[tuple[str, str, str], Finding] = {}
     for column, force in enumerate(prediction.normal_forces):

@@ -40,6 +40,13 @@ Corner = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 """A point in the plane of the surface."""
 
 
+ROBUST_TOGETHER = (
+    "robust = true is for a single beam: every set of beams would be computed for all draws; leave it out, and read "
+    "the bands of the forecast"
+)
+"""Why several beams are not chosen by the lower end of an interval: it would take hundreds of times as long."""
+
+
 class ObjectiveTable(Table):
     """``[objective]``: what makes a place good (``ema.place.Objective``)."""
 
@@ -93,7 +100,11 @@ class PlacedJointTable(Table):
 
 
 class SearchTable(Table):
-    """``[search]``: grid of the candidates, areas kept free (corners in the plane of the surface), effort."""
+    """``[search]``: grid of the candidates, areas kept free (corners in the plane of the surface), effort.
+
+    With several ``beams`` those that act together are chosen too (``ema.place.search_together``), of ``most_mass`` in
+    all.
+    """
 
     step: Length = 0.05
     angles: list[float] = Field(default=[0.0, 90.0], min_length=1)
@@ -103,6 +114,8 @@ class SearchTable(Table):
     keep: int = Field(default=10, ge=1)
     draws: int = Field(default=200, ge=0)
     seed: int = 0
+    beams: int = Field(default=1, ge=1)
+    most_mass: Mass | None = None
 
 
 class ControlTable(Table):
@@ -223,6 +236,12 @@ class PlaceRecipe(Table):
                 given = getattr(done, name)
                 if len(given) not in (0, len(self.near)):
                     raise ValueError(f"trials.done {number}: {len(given)} values of {name} for {len(self.near)} modes")
+        if self.search.beams > 1 and self.objective.robust:
+            raise ValueError(ROBUST_TOGETHER)
+        if self.search.beams == 1 and self.search.most_mass is not None:
+            raise ValueError(
+                "most_mass limits several beams together; add beams = 2 or more to [search], or leave it out"
+            )
         weights = self.objective.mode_weights
         if weights is not None and len(weights) != len(self.near):
             raise ValueError(f"{len(weights)} mode_weights for {len(self.near)} modes")

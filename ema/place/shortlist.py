@@ -23,7 +23,7 @@ from ema.progress import Progress, advance, note, silent
 
 TOLERANCE = 1e-2
 """Relative error of the simulation that is aimed at."""
-_WIDER = 0.05
+WIDER = 0.05
 """Part of a frequency by which bands are wider than the predicted frequencies of a mode."""
 _EDGE = 1e-3
 """A response that is largest this near the end of its band, relative, is the flank of another mode's peak."""
@@ -220,7 +220,7 @@ def _about_places(
         (
             "unsolved",
             lost,
-            f"have no steady state for a mode within {_WIDER:.0%} of its predicted frequencies",
+            f"have no steady state for a mode within {WIDER:.0%} of its predicted frequencies",
             "They count as unsuitable.",
         ),
         (
@@ -244,14 +244,18 @@ def question(task: Task, prediction: Prediction, row: int, fitted: bool = False)
         frequencies = prediction.frequency[row, m]
         known = frequencies[np.isfinite(frequencies)]
         low, high = (known.min(), known.max()) if len(known) else (0.9 * bare, 1.1 * bare)
-        bands.append((float((1 - _WIDER) * low), float((1 + _WIDER) * high)))
-    pressed = float(prediction.normal_forces[0])
-    model = model_at(task, prediction.candidates, row, pressed)
+        bands.append((float((1 - WIDER) * low), float((1 + WIDER) * high)))
+    model = model_at(task, prediction.candidates, row, float(prediction.normal_forces[0]))
+    return of_model(task, model, bands, fitted=fitted)
+
+
+def of_model(task: Task, model: BeamModel, bands: Sequence[tuple[float, float]], *, fitted: bool) -> Question:
+    """The model under the forces of the task, with a band in Hz for every target mode."""
     return Question(
         model,
         Dof.parse(task.at),
-        np.asarray(prediction.force_levels),
-        np.asarray(prediction.normal_forces),
+        np.asarray(task.force_levels, dtype=np.float64),
+        np.asarray(task.normal_forces, dtype=np.float64),
         tuple(bands),
         fitted,
         None if task.output is None else Dof.parse(task.output),

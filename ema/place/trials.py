@@ -19,6 +19,7 @@ from ema.place.bands import (
     ForecastSettings,
     Method,
     assembled,
+    beam_asked,
     forecast_and_draws,
     resonances_of,
 )
@@ -170,9 +171,8 @@ def next_tests(
         ]
         return np.concatenate([*elsewhere, *(loop.ravel() for loop in loops)])
 
-    prediction, values, readings = forecast_and_draws(
-        task, candidates, place, settings, executor, progress, readings_of
-    )
+    asked = beam_asked(task, candidates, place, settings.method)
+    prediction, values, readings = forecast_and_draws(asked, settings, executor, progress, readings_of)
     elsewhere, loops = np.split(np.array(readings), [2 * len(prediction.modes) * len(places)], axis=1)
     tests = [
         *_of_beam(prediction, values, costs),
@@ -298,7 +298,7 @@ def _readings_there(
     other: _OtherPlace, draw: Draw, factor: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "mode 2"]:
     """What a draw reads at another place: a new assembly of the same kind of joints."""
-    beam = replace(other.candidates, catalogue=draw.beam.catalogue)
+    beam = replace(other.candidates, catalogue=draw.beams[0].catalogue)
     sample = draw.task._replace(normal_forces=factor * other.nominal.normal_forces)
     case = assembled(other.nominal, sample, beam, rng)._replace(pressure=draw.case.pressure)
     values, _ = resonances_of(case, np.nan_to_num(np.abs(np.log(other.middle / other.rough))), rng)

@@ -11,6 +11,7 @@ from ema.data.placement import Place, Placement
 from ema.dof import Dof
 from ema.messages import mark, text, word
 from ema.messages.lists import listed
+from ema.place.beams_choice import chosen_candidates
 from ema.place.objective import IN_DECIBELS
 from ema.report.blocks import Block, Book, Cell, Section, Text
 from ema.report.forecast import forecast_blocks
@@ -57,7 +58,8 @@ def answers(placement: Placement) -> list[str]:
     """For the front page: how far to trust it, the place with its normal force, what a controlled one would add."""
     sentences = [placement.warning] if placement.warning else []
     sentences.append(answer(placement))
-    sentences += [one.in_words().message for one in placement.findings if one.code == "several-beams"]
+    of_beams = ("several-beams", "beams-forecast")
+    sentences += [one.in_words().message for one in placement.findings if one.code in of_beams]
     if placement.trials is not None:
         sentences.append(proposal(placement.trials))
     return [*sentences, *([placement.control.verdict] if placement.control is not None else [])]
@@ -72,9 +74,11 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
         y=f"{best.centre[1]:.3f}",
         force=f"{best.normal_force:.3g}",
     )
+    together = chosen_candidates(placement)
+    lettered = text(" Squares and letters: the beams that act together.") if together is not None else ""
     return [
         book.picture(
-            partial(show.placement_map, placement),
+            partial(show.placement_map, placement, together=together),
             text(
                 "Map of {number} places of the beam on the structure; the best is {where}.",
                 number=len(ranking.scores),
@@ -86,7 +90,8 @@ def place_blocks(placement: Placement, book: Book) -> list[Block]:
                 number=len(ranking.scores),
                 objective=word(ranking.objective),
                 where=where,
-            ),
+            )
+            + lettered,
         ),
         _table(placement, book),
         *_answered(placement, book),

@@ -1,6 +1,7 @@
 """Where a friction beam goes: places on the measured surface, recommended normal forces, controlled ring-downs."""
 
 from itertools import pairwise
+from string import ascii_uppercase
 
 import numpy as np
 from jaxtyping import Float
@@ -8,14 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from ema.data.placement import ControlStudy, Place, Placement
+from ema.data.placement import Candidates, ControlStudy, Placement
 from ema.messages import text, word
 from ema.show.selection import check_positions
-from ema.show.style import BLACK, COLOUR_MAP, FAINT, GREY, SERIES, VERMILION, empty_note, new_figure, styled
+from ema.show.style import BLACK, COLOUR_MAP, FAINT, GREY, PURPLE, SERIES, VERMILION, empty_note, new_figure, styled
 
 
 @styled
-def placement_map(placement: Placement, shown: int = 3) -> Figure:
+def placement_map(placement: Placement, shown: int = 3, together: Candidates | None = None) -> Figure:
     """Draw all candidates on the geometry by their score, areas kept free, and the best locations with their joints.
 
     Parameters
@@ -24,6 +25,8 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
         A placement.
     shown : int, default 3
         Number of the best locations that are marked.
+    together : Candidates, optional
+        Beams that were chosen to act together: all of them are drawn, with letters, in the panel of every angle.
 
     Returns
     -------
@@ -65,7 +68,10 @@ def placement_map(placement: Placement, shown: int = 3) -> Figure:
         axes.scatter(*candidates.centres[here & ~finite].T, marker="x", color=GREY, s=16, lw=0.8)
         for number, place in enumerate(ranking.places[:shown], 1):
             if np.isclose(place.angle, angle, atol=1e-5):
-                _beam(axes, placement, place, number)
+                _beam(axes, candidates.joints(place.candidate), str(number), VERMILION if number == 1 else BLACK)
+        if together is not None:
+            for row in range(len(together)):
+                _beam(axes, together.joints(row), ascii_uppercase[row % 26], PURPLE, thick=True)
         axes.set_title(text("Beam at {angle}° (dots: middle of the beam)", angle=f"{np.degrees(angle):.0f}"))
         axes.set_aspect("equal")
         axes.set_ylabel("y [m]")
@@ -113,27 +119,26 @@ def seen_edges(placement: Placement) -> Float[np.ndarray, "edge 2 2"]:
     return np.asarray(flat[rows])
 
 
-def _beam(axes: Axes, placement: Placement, place: Place, number: int) -> None:
-    """Axis of the beam with its joints, and the rank."""
-    joints = placement.ranking.prediction.candidates.joints(place.candidate)
-    first = number == 1
+def _beam(axes: Axes, joints: Float[np.ndarray, "joint 2"], name: str, colour: str, *, thick: bool = False) -> None:
+    """Axis of a beam with its joints, and its rank or letter; the best one and those that act together stand out."""
+    first = thick or colour != BLACK
     axes.plot(
         *joints.T,
-        color=VERMILION if first else BLACK,
+        color=colour,
         lw=3 if first else 1.2,
-        marker="o",
+        marker="s" if thick else "o",
         ms=6 if first else 4,
         mfc="white",
         zorder=5 if first else 4,
     )
     axes.annotate(
-        str(number),
-        joints[-1],
-        xytext=(5, 4),
+        name,
+        joints[0] if thick else joints[-1],  # a letter beside a rank stays legible
+        xytext=(-5, -13) if thick else (5, 4),
         textcoords="offset points",
         fontsize=8,
         zorder=6,
-        color=VERMILION if first else BLACK,
+        color=colour,
         fontweight="bold" if first else "normal",
     )
 

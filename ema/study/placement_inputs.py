@@ -9,10 +9,10 @@ from typing import NamedTuple
 import acquisition
 from acquisition import model_file
 from ema import store
-from ema.data import Forecast, Geometry, ModalModel, Placement, StudyResult
+from ema.data import Geometry, ModalModel, Placement, StudyResult
 from ema.errors import InputError
 from ema.estimate import without_dead
-from ema.place import beams_recipe
+from ema.place import recipe as recipes
 from ema.place.beams_forecast import BeamsForecast, forecast_together
 from ema.place.job import about_verdict, refuse_disagreement
 from ema.place.location import Location, forecast_at
@@ -21,8 +21,8 @@ from ema.place.sources import bare_of_model, recipe_of_model, verdict_of
 from ema.progress import Progress, silent
 from ema.store.reading import containers
 from ema.study import chain
-from ema.study.friction import PlacementTask, placement_task
 from ema.study.measured import frfs_of
+from ema.study.placement import PlacementTask, placement_task
 from ema.study.recipe import FitTable
 from ema.study.study import Study
 
@@ -106,55 +106,31 @@ def forecasts_at(
     *,
     force_levels: Sequence[float] = (),
     normal_forces: Sequence[float] = (),
+    together: bool = False,
     progress: Progress = silent,
-) -> tuple[Forecast, ...]:
-    """The forecast of a beam at each location (:func:`ema.place.forecast_at`), with a joint model that may be used.
+) -> tuple[BeamsForecast, ...]:
+    """The forecast of each beam alone, or a single one of all ``together``, with a joint model that may be used.
 
     Raises
     ------
-    InputError : the joint model does not agree with its measurement; and what ``ema.place.forecast_at`` refuses.
+    InputError : the joint model does not agree with its measurement; and what ``ema.place.forecast_at`` or
+        ``ema.place.forecast_together`` refuses.
     """
     verdict = verdict_of(task.recipe, task.folder)
     refuse_disagreement(verdict, task.modes.name or "bare structure")
-    forecasts = forecast_at(
-        task.recipe,
-        task.modes,
-        task.geometry,
-        locations,
-        force_levels=force_levels,
-        normal_forces=normal_forces,
-        progress=progress,
+    asked = {"force_levels": force_levels, "normal_forces": normal_forces, "progress": progress}
+    if together:
+        results = [forecast_together(task.recipe, task.modes, task.geometry, locations, **asked)]
+    else:
+        alone = forecast_at(task.recipe, task.modes, task.geometry, locations, **asked)
+        results = [
+            BeamsForecast(locations=(here,), normal_forces=one.normal_forces[:, None], forecast=one)
+            for here, one in zip(locations, alone, strict=True)
+        ]
+    return tuple(
+        replace(one, forecast=replace(one.forecast, findings=(*one.forecast.findings, *about_verdict(verdict))))
+        for one in results
     )
-    return tuple(replace(one, findings=(*one.findings, *about_verdict(verdict))) for one in forecasts)
-
-
-def forecast_of_beams(
-    task: PlacementTask,
-    locations: Sequence[Location],
-    *,
-    force_levels: Sequence[float] = (),
-    normal_forces: Sequence[float] = (),
-    progress: Progress = silent,
-) -> BeamsForecast:
-    """The forecast of several beams (:func:`ema.place.forecast_together`), with a joint model that may be used.
-
-    Raises
-    ------
-    InputError : the joint model does not agree with its measurement; and what ``ema.place.forecast_together`` refuses.
-    """
-    verdict = verdict_of(task.recipe, task.folder)
-    refuse_disagreement(verdict, task.modes.name or "bare structure")
-    result = forecast_together(
-        task.recipe,
-        task.modes,
-        task.geometry,
-        locations,
-        force_levels=force_levels,
-        normal_forces=normal_forces,
-        progress=progress,
-    )
-    findings = (*result.forecast.findings, *about_verdict(verdict))
-    return replace(result, forecast=replace(result.forecast, findings=findings))
 
 
 def placement_source(source: Path, recipe: Path | None = None) -> PlacementSource:
@@ -171,12 +147,12 @@ def placement_source(source: Path, recipe: Path | None = None) -> PlacementSourc
             expected="a placement recipe, a campaign, a file with modes, or a model.toml",
         )
     if (source / model_file.FILE_NAME).is_file() or source.name == model_file.FILE_NAME:
-        read = beams_recipe.load(recipe) if recipe is not None else recipe_of_model(source)
+        read = recipes.load(recipe) if recipe is not None else recipe_of_model(source)
         return PlacementSource(read, (recipe or source).parent, model_file.locate(source))
     is_campaign = source.is_dir() or source.name == "campaign.toml"
     if not is_campaign and source.suffix.lower() == ".toml":
         study = _study(source)
-        return PlacementSource(beams_recipe.load(source), source.parent) if study is None else study
+        return PlacementSource(recipes.load(source), source.parent) if study is None else study
     if recipe is None:
         _refuse_answers(source)
         raise InputError(
@@ -190,7 +166,7 @@ def placement_source(source: Path, recipe: Path | None = None) -> PlacementSourc
         if is_campaign
         else {"modes": str(source.resolve()), "campaign": ""}
     )
-    return PlacementSource(beams_recipe.load(recipe).model_copy(update=given), recipe.parent)
+    return PlacementSource(recipes.load(recipe).model_copy(update=given), recipe.parent)
 
 
 def _refuse_answers(source: Path) -> None:
@@ -220,7 +196,7 @@ def _study(path: Path) -> PlacementSource | None:
         return None
     study = Study.load(path)
     placement = study.recipe.placement
-    read = beams_recipe.load(path.parent / placement) if isinstance(placement, str) else placement
+    read = recipes.load(path.parent / placement) if isinstance(placement, str) else placement
     return PlacementSource(read, path.parent, study=study)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ema.data import Forecast, ModalModel
-from ema.place import BeamsForecast
+from ema.place import BeamsForecast, BeamsSearch
 from ema.report.prediction_tables import FORECAST_COLUMNS, Bounds, conditions, forecast_rows, without_beam
 from ema.study.plain import finding, number
 
@@ -49,6 +49,23 @@ def mapping_together(result: BeamsForecast, bare: ModalModel) -> dict[str, Any]:
         "draws": forecast.draws,
         "modes": modes,
         "findings": [finding(one) for one in forecast.findings],
+    }
+
+
+def mapping_of_choice(choice: BeamsSearch, together: BeamsForecast | None, bare: ModalModel) -> dict[str, Any]:
+    """Several beams that were chosen, how they were searched, and their forecast where there is one."""
+    return {
+        "searched": "one after the other, then exchanged",
+        "rounds": choice.rounds,
+        "cases": choice.cases,
+        "objective": choice.objective,
+        "value": float(choice.values[-1]),
+        "value_of_the_best_alone": choice.alone,
+        "beams": [
+            {"beam": one.beam, "centre": list(one.centre), "angle": one.angle, "normal_force": float(force)}
+            for one, force in zip(choice.locations, choice.normal_forces, strict=True)
+        ],
+        "forecast": None if together is None else mapping_together(together, bare),
     }
 
 

@@ -19,7 +19,6 @@ from ema.data import (
     Finding,
     Loop,
     MapResult,
-    Placement,
     Provenance,
     Run,
     RunResult,
@@ -30,7 +29,18 @@ from ema.estimate import amplitude_dependent_mode
 from ema.file_names import safe_name
 from ema.progress import Progress, advance, silent
 from ema.store.atomic import remove_abandoned
-from ema.study import chain, expectations, friction, kept, mapping, model_releases, recipe, remote, statements
+from ema.study import (
+    chain,
+    expectations,
+    friction,
+    kept,
+    mapping,
+    model_releases,
+    placement,
+    recipe,
+    remote,
+    statements,
+)
 from ema.study.model_releases import ModelRelease
 from ema.study.recipe import RELEASE_QUANTITIES, EstimateTable, MapTable, Recipe
 from ema.study.sources import data_of, opened
@@ -42,7 +52,7 @@ class _Beside:
 
     decays: tuple[Decay, ...]
     loops: tuple[Loop, ...]
-    placement: Placement | None
+    placed: placement.Placed | None
     released: Mapping[str, ModelRelease]
 
 
@@ -390,15 +400,17 @@ class Study:
         executor: Executor | None,
     ) -> _Beside:
         """Ring-downs, hysteresis loops, the placement and the releases of models that the recipe asks for."""
-        settings, placement = self.recipe, None
+        settings, placed = self.recipe, None
         if settings.placement:
-            task = friction.placement_task(settings.placement, self.source, campaign, runs)
-            placement = friction.placed(task, self.kept / "placement", resume, executor, progress)
+            task = placement.placement_task(settings.placement, self.source, campaign, runs)
+            placed = placement.placed(task, self.kept / "placement", resume, executor, progress)
+            if placed.together is not None:
+                placement.save_together(self.kept / "placement_together.h5", task.modes, placed.together)
         released = model_releases.simulated(self.source.parent, settings.release, progress)
         return _Beside(
             friction.ring_downs(campaign, settings.ring_down),
             friction.hysteresis_loops(campaign, settings.loop) + model_releases.loops(released, settings.release),
-            placement,
+            placed,
             released,
         )
 
@@ -564,11 +576,12 @@ class Study:
         findings += tuple(finding for result in maps for finding in result.findings)
         findings += friction.to_know(stepped)
         findings += self._without_results(campaign)
-        decays, loops, placement = beside.decays, beside.loops, beside.placement
+        decays, loops = beside.decays, beside.loops
+        answer = None if beside.placed is None else beside.placed.placement
         findings += tuple(finding for one in loops for finding in one.findings)
-        if placement is not None:
-            findings += placement.all_findings
-        checked = friction.forecast_check(self.recipe.placement, placement, maps)
+        if answer is not None:
+            findings += answer.all_findings
+        checked = placement.forecast_check(self.recipe.placement, answer, maps)
         judged = statements.judge(
             self.recipe.statements, maps, runs, self.recipe.assumed, campaign=campaign, released=beside.released
         )
@@ -583,7 +596,7 @@ class Study:
             expectations=(
                 *expectations.check(self.recipe.expect, runs),
                 *expectations.of_verdicts(judged),
-                *expectations.of_placement(self.recipe.placement, placement, checked),
+                *expectations.of_placement(self.recipe.placement, answer, checked),
             ),
             provenance=replace(self._made(campaign, inputs), steps=("ema.study",), created=datetime.now(UTC)),
             conditions=conditions,
@@ -592,7 +605,7 @@ class Study:
             statements=judged,
             decays=decays,
             loops=loops,
-            placement=placement,
+            placement=answer,
             forecast_check=checked,
             amplitude_modes=stepped,
             language=self.recipe.language,

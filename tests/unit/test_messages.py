@@ -23,7 +23,7 @@ OPEN: dict[str, set[str]] = {
     "ema/estimate/live.py": {"no-trigger", "no-impact"},
     "ema/fit/opinion.py": {"second-opinion-missing", "second-opinion-extra"},
     "ema/fit/peak_shape.py": {"leaning-peak", "force-noise", "broadened-peak", "smoothed-lines"},
-    "ema/place/bands.py": {"mode-spread", "joint-parts", "no-peak", "no-band"},
+    "ema/place/forecast_findings.py": {"mode-spread", "joint-parts", "no-peak", "no-band"},
     "ema/place/shortlist.py": {"unsolved", "joint-parts"},
     "ema/proposal/proposal.py": {"force-response-swapped", "names-doubled"},
     "ema/study/friction.py": {"stated-frequency", "stated-damping"},

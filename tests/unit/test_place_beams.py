@@ -19,7 +19,7 @@ from ema.place import recipe as recipes
 from ema.place.beams_forecast import beams_question
 from ema.place.fundamental import fundamental
 from ema.place.fundamental_kernels import LEFT
-from ema.place.job import target_task
+from ema.place.targets import target_task
 from tests.golden_json import assert_keys
 
 BANDS = tuple(what + end for what in ("frequency", "damping") for end in ("", "_low", "_high"))
@@ -171,9 +171,11 @@ def friction_beam(width: float, height=0.01, span=0.2, elements=4, modulus=210e9
     return mass, stiffness, face, deflection
 
 
-def test_sticking_beams_are_the_eigenvalues_of_host_springs_and_beams(tmp_path):
-    """Complex eigenvalues of two host modes, two beams, and springs k (1 + j eta) at their joints, by scipy."""
-    places = [(at(0.15, -0.1), 0.02), (at(-0.1, 0.1, 20.0, "twice as wide"), 0.04)]
+def stuck(places) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Mass, stiffness, its losses and damping of two host modes and two beams, with springs k (1 + j eta) at their joints.
+
+    ``places``: location and width of each beam; the host is that of ``bending`` and comes first.
+    """
     omega, zeta = 2 * np.pi * np.array([200.0, 340.0]), np.array([0.004, 0.005])
     mass, stiffness, losses = np.eye(2), np.diag(omega**2), np.zeros((2, 2))
     rows = []
@@ -196,6 +198,14 @@ def test_sticking_beams_are_the_eigenvalues_of_host_springs_and_beams(tmp_path):
         losses += loss * spring * np.outer(row, row)
     damping = np.zeros((size, size))
     damping[[0, 1], [0, 1]] = 2 * zeta * omega
+    return mass, stiffness, losses, damping
+
+
+def test_sticking_beams_are_the_eigenvalues_of_host_springs_and_beams(tmp_path):
+    """Complex eigenvalues of two host modes, two beams, and springs k (1 + j eta) at their joints, by scipy."""
+    places = [(at(0.15, -0.1), 0.02), (at(-0.1, 0.1, 20.0, "twice as wide"), 0.04)]
+    mass, stiffness, losses, damping = stuck(places)
+    size = len(mass)
     whole = np.block([[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(mass, stiffness + 1j * losses), -np.linalg.solve(mass, damping)]])  # fmt: skip
     values, vectors = eig(whole)
     share = np.where(values.imag > 0, np.abs(vectors[0]), 0)

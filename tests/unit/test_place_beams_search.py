@@ -13,14 +13,15 @@ from typer.testing import CliRunner
 from ema import place, store
 from ema.cli.app import app
 from ema.errors import InputError
-from ema.place import beams_recipe
+from ema.place import recipe as recipes
+from ema.place.beams_choice import about_beams, chosen_beams
 from ema.place.beams_forecast import beams_question, overlap
 from ema.place.fundamental import fundamental, shares
-from ema.place.job import target_task
 from ema.place.objective import Objective
+from ema.place.targets import target_task
 from ema.place.task import only
 from tests.golden_json import assert_keys
-from tests.unit.test_place_beams import PLATE, loaded, plate
+from tests.unit.test_place_beams import PLATE, bending, loaded, plate, stuck
 
 SMALL = PLATE.replace('near = "200 Hz"', 'near = ["200 Hz", "260 Hz"]').replace('force = "20 N"', 'force = "5 N"', 1)
 SEARCH = """
@@ -102,6 +103,39 @@ def test_the_choice_beside_all_pairs(tmp_path, seed, step, aim, of):
     assert pairs[chosen] >= 0.65 * best
 
 
+@pytest.mark.parametrize("aim", ["peak reduction", "chatter"])
+def test_levels_in_decibels_are_those_of_the_receptance(tmp_path, aim):
+    """Of beams that stick: receptances of host, beams and springs by numpy, against those of the bare mode in closed form.
+
+    |phi^2/(2 zeta omega^2)| is the peak of a mode alone, and the least real part is that over 2 (1 + zeta) (Tlusty).
+    """
+    recipe = loaded(tmp_path)
+    task, _ = target_task(recipe, *bending(), "plate")
+    task = task._replace(normal_forces=np.array([1e5]))
+    spots = place.grid(task.surface, recipe.catalogue()[:1], step=0.2, angles=[0.0])
+    choice = searched(task, spots, aim)
+    mass, stiffness, losses, damping = stuck([(one, 0.02) for one in choice.locations])
+    row = np.zeros(len(mass))
+    row[:2] = 16.0 * (0.3**2 - 0.03), 30.0 * (0.3**2 - 0.05) * -0.2
+    lines = np.arange(150.0, 260.0, 0.02)
+    receptance = np.array(
+        [
+            row @ np.linalg.solve(stiffness + 1j * losses - w**2 * mass + 1j * w * damping, row)
+            for w in 2 * np.pi * lines
+        ]
+    )
+    with_beams = abs(receptance).max()
+    zeta = (lines[np.flatnonzero(abs(receptance) > with_beams / np.sqrt(2))[[0, -1]]] @ [-1, 1]) / 2
+    zeta /= lines[abs(receptance).argmax()]
+    bare = row[0] ** 2 / (2 * 0.004 * (2 * np.pi * 200.0) ** 2)
+    expected = 20 * np.log10(bare / with_beams)
+    if aim == "chatter":
+        expected += 20 * np.log10((1 + zeta) / (1 + 0.004))
+    assert abs(expected) > 0.3
+    assert choice.values[-1] == pytest.approx(expected, abs=0.02)
+    assert choice.in_decibels and f"is {choice.values[-1]:.4g} dB" in about_beams(choice).message
+
+
 def test_the_beams_keep_apart_and_within_their_mass(tmp_path):
     """Three beams of 0.314 kg: a limit of three of them allows them, one of 2.9 of them refuses the third."""
     task, spots = asked(tmp_path, 11, 0.16)
@@ -133,7 +167,6 @@ def test_the_lighter_beam_is_taken_where_mass_is_scarce(tmp_path):
     ("arguments", "words"),
     [
         ({"beams": 1}, "expected 2 or more"),
-        ({"aim": "chatter"}, "judged by their damping"),
         ({"beams": 40}, "no further beam fits"),
     ],
 )
@@ -170,7 +203,7 @@ def test_the_command_places_two_beams(tmp_path):
         place.Location(centre=tuple(one["centre"]), angle=one["angle"], beam=one["beam"]) for one in together["beams"]
     ]
     forces = [one["normal_force"] for one in together["beams"]]
-    its = place.forecast_together(beams_recipe.load(path), *drawn(12), chosen, normal_forces=forces).forecast
+    its = place.forecast_together(recipes.load(path), *drawn(12), chosen, normal_forces=forces).forecast
     mine = [mode["conditions"][0]["damping"] for mode in together["forecast"]["modes"]]
     same = np.stack([its.damping_low, its.damping, its.damping_high], axis=-1)[:, 0, 0]
     assert np.array(mine, dtype=float) == pytest.approx(same, rel=1e-6, nan_ok=True)
@@ -178,6 +211,21 @@ def test_the_command_places_two_beams(tmp_path):
     page = (tmp_path / "out" / "placement.html").read_text(encoding="utf-8")
     assert "2 beams that act together" in page
     assert store.load(tmp_path / "out" / "placement_together.h5")["forecast_together"].draws == 10
+    kept = chosen_beams(store.load(tmp_path / "out" / "placement.h5"))
+    assert kept is not None and list(kept.locations) == chosen and kept.normal_forces.tolist() == forces
+    said = [one["message"] for one in spoken["findings"] if one["code"] == "beams-forecast"]
+    assert len(said) == 2 and f"damping ratio of {100 * same[0, 1]:.3f} %" in said[0]
+
+
+def test_nothing_is_chosen_again_when_a_placement_is_resumed(tmp_path, monkeypatch):
+    path = written(tmp_path, (SMALL + SEARCH + "beams = 2\n").replace("draws = 20", "draws = 10"))
+    arguments = ("place", path, "--output", tmp_path / "out", "--json")
+    first = json.loads(run(*arguments).stdout)
+    for name in ("ema.place.job.search_together", "ema.place.beams_forecast.forecast_together"):
+        monkeypatch.setattr(name, None)
+    again = run(*arguments, "--resume")
+    assert again.exit_code == 0, again.output
+    assert json.loads(again.stdout)["together"] == first["together"]
 
 
 def test_a_single_beam_is_placed_as_before(tmp_path):
@@ -189,7 +237,14 @@ def test_a_single_beam_is_placed_as_before(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("line", "words"), [("beams = 0", "[search], beams"), ('most_mass = "0 kg"', "most_mass"), ("beam = 2", "beam")]
+    ("line", "words"),
+    [
+        ("beams = 0", "[search], beams"),
+        ('most_mass = "0 kg"', "most_mass"),
+        ('most_mass = "5 kg"', "most_mass limits several beams together"),
+        ("beams = 2\n[objective]\nrobust = true", "robust = true is for a single beam"),
+        ("beam = 2", "beam"),
+    ],
 )
 def test_a_wrong_key_of_the_recipe_is_named(tmp_path, line, words):
     result = run("place", written(tmp_path, SMALL + SEARCH + line + "\n"), "--output", tmp_path / "out")

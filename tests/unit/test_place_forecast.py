@@ -12,7 +12,7 @@ from ema.data import FrictionLaw, ModalMap
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.errors import InputError
-from ema.place.bands import _about_harmonics
+from ema.place.forecast_findings import about_harmonics
 from ema.place.fundamental import fundamental
 from ema.place.predictor import predict
 from ema.place.shortlist import answer, question
@@ -151,9 +151,9 @@ def test_bands_hold_what_the_upper_harmonics_change(task, pool):
 
 
 def test_strong_upper_harmonics_are_named():
-    (found,) = _about_harmonics(np.array([[[0.02, 0.08], [0.051, 0.0]]]))
+    (found,) = about_harmonics(np.array([[[0.02, 0.08], [0.051, 0.0]]]))
     assert found.code == "upper-harmonics" and found.value == pytest.approx(0.08) and "in 2 of 4" in found.message
-    assert _about_harmonics(np.full((1, 2, 2), 0.049)) == ()
+    assert about_harmonics(np.full((1, 2, 2), 0.049)) == ()
 
 
 def test_a_check_counts_what_lies_inside(told):

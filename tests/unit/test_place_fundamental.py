@@ -12,7 +12,7 @@ from ema.data import FrictionLaw, poles_from
 from ema.data.placement import BoltedJoint, Candidates, FrictionBeam
 from ema.dof import Dof
 from ema.place import predict
-from ema.place.bands import forecast_and_draws
+from ema.place.bands import beam_asked, forecast_and_draws
 from ema.place.fundamental import fundamental, linear_modes
 from ema.place.intervals import beams_drawn, drawn
 from ema.place.predictor import beam_matrices
@@ -251,9 +251,7 @@ def test_where_the_form_of_the_law_is_open_the_median_of_the_draws_is_the_value(
     levels, forces = np.array([4.0, 20.0]), np.array([40.0, 120.0])
     asked = task._replace(joint=joint, modes=(0,), force_levels=levels, normal_forces=forces)
     told, draws, _ = forecast_and_draws(
-        asked._replace(force_levels=levels, normal_forces=forces),
-        SPOT,
-        0,
+        beam_asked(asked._replace(force_levels=levels, normal_forces=forces), SPOT, 0, "frozen"),
         settings=place.ForecastSettings(draws=60, seed=3, method="frozen"),
     )
     sheet = asked._replace(joint=replace(joint, form="given"))
@@ -290,9 +288,7 @@ def test_bands_that_hold_95_percent_hold_few_conditions_of_some_hosts(task):
     levels, forces = [8.0, 30.0], [50.0, 130.0, 340.0]
     asked = task._replace(joint=joint, modes=(0, 1))
     told, draws, _ = forecast_and_draws(
-        asked._replace(force_levels=levels, normal_forces=forces),
-        SPOT,
-        0,
+        beam_asked(asked._replace(force_levels=levels, normal_forces=forces), SPOT, 0, "frozen"),
         settings=place.ForecastSettings(draws=200, seed=1, method="frozen"),
     )
     for column, (low, high) in enumerate(

@@ -154,6 +154,34 @@ def test_a_study_answers_where_the_beam_goes(tmp_path: Path, without_report: Non
         ema.Study.load(recipe).run(resume=True)
 
 
+def test_a_study_chooses_several_beams(tmp_path: Path, without_report: None):
+    """The set stands in the stored result, its forecast beside it, and the picture of the map draws it."""
+    from ema import place, show
+    from ema.place.beams_choice import chosen_beams, chosen_candidates
+
+    recipe = table_study(tmp_path / "table")
+    asked = recipe.parent / "place.toml"
+    text = asked.read_text(encoding="utf-8").replace("[search]", "[search]\nbeams = 2", 1)
+    asked.write_text(text + '[forecast]\nnormal_force = "120 N"\ndraws = 10\n', encoding="utf-8")
+    result = ema.Study.load(recipe).run()
+    stored = store.load(tmp_path / "table" / "_build" / "study.h5").placement
+    choice, its = chosen_beams(stored), result.placement
+    assert choice is not None and len(choice.locations) == 2 and choice.gain > 1.05
+    assert [one.code for one in its.findings].count("several-beams") == 1
+    assert {"several-beams", "beams-forecast"} <= {finding.code for finding in result.findings}
+    task = ema.study.read_placement(recipe)
+    expected = place.forecast_together(
+        task.recipe, task.modes, task.geometry, choice.locations, normal_forces=choice.normal_forces
+    ).forecast
+    kept = store.load(tmp_path / "table" / "_build" / "study" / "placement_together.h5")["forecast_together"]
+    assert kept.damping_low == pytest.approx(expected.damping_low, rel=1e-6, nan_ok=True)
+    axes = show.placement_map(stored, together=chosen_candidates(stored)).axes[0]
+    lines = [np.round(line.get_xydata(), 9).tolist() for line in axes.lines]
+    beams = chosen_candidates(stored)
+    assert all(np.round(beams.joints(row), 9).tolist() in lines for row in range(2))
+    assert {"A", "B"} <= {one.get_text() for one in axes.texts}
+
+
 def _refused(*_: object, **__: object) -> None:
     raise AssertionError("placed again")
 
