@@ -137,12 +137,13 @@ class ContactLaws:
 
     def repeated(self, count: int) -> "ContactLaws":
         """The first contact ``count`` times."""
-        rows = [
+        stiffness, parameters, flexibility, capacity, rates = (
             np.repeat(part[:1], count, axis=0)
             for part in (self.stiffness, self.parameters, self.flexibility, self.capacity, self.rates)
-        ]
+        )
         (name, _, _, *rest), *_ = self.groups
-        return ContactLaws(((name, 0, count, *rest),), *rows[:2], self.curves, *rows[2:])
+        groups = ((name, 0, count, *rest),)
+        return ContactLaws(groups, stiffness, parameters, self.curves, flexibility, capacity, rates)
 
     def one_by_one(self) -> tuple[np.ndarray, ...]:
         """What a kernel takes that follows the contacts one after the other: a row of ``groups`` for each of them,
