@@ -4,7 +4,6 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from typing import NamedTuple
 
 import acquisition
