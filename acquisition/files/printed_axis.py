@@ -19,8 +19,8 @@ FEWEST = 64
 """Lines from which an axis is judged. Of axes with steps of one or two digits at random, 942 of 2000 agree with an even
 one on 16 lines, 12 on 32, none on 48."""
 LEAST = 1e-4
-"""Half of the last digit over the spacing from which the axis matters. A line that is off by 1e-4 of the spacing changes
-an FRF whose half-power bandwidth is two lines by 1e-4 of its value, below the noise of any measurement."""
+"""Half of the last digit over the spacing from which the axis matters. A line that is off by 1e-4 of the spacing
+changes an FRF whose half-power bandwidth is two lines by 1e-4 of its value, below the noise of any measurement."""
 _MOST_DIGITS = 9
 
 
