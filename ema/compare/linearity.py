@@ -43,7 +43,8 @@ noisier, and blind to slip within the contact.
 
 Calibrated on tables of seed 300101. 80 linear ones without a bad force window (20 of each kind) reach 0.034; of 60 with
 misplaced impacts five exceed the limit, each by less than twice what noise shows, and none is named. 24 friction tables
-that lose more than 5 % by slip are all named, by this or the other change; with the force as level two of them had been suspect.
+that lose more than 5 % by slip are all named, by this or the other change; with the force as level
+two of them had been suspect.
 """
 EXCESS = 3.0
 """Scatter among impacts on a point that the level does not explain, over that by noise, from which on the place of the
@@ -533,8 +534,8 @@ def _doubt(result: Linearity, where: str) -> Finding:
         where,
         "An impact twice as strong changes the late decay, extrapolated back to the impact, over the response "
         "measured there by {change} (by impacts of {low} to {high} N), and impacts on one point differ in it by "
-        "{scatter}, where noise explains {noise}. Neither the place nor the force of an impact does that: the structure is probably not "
-        "linear at this level.",
+        "{scatter}, where noise explains {noise}. Neither the place nor the force of an impact does that: the "
+        "structure is probably not linear at this level.",
         decay.size,
         DECAY_CHANGE,
         advice="Repeat some impacts at half the level, several on each point, before the FRFs are used.",
