@@ -56,8 +56,8 @@ def test_a_decay_follows_the_vibration_where_it_does_not_follow_the_force():
     decays = found.decays
     ratio, variance = _over_early(decays)
     by_force = level_dependence(ratio, variance, _energy(decays), decays.peaks, decays.inputs)
-    assert by_force.scatter > 3 * by_force.noise and by_force.chance > 0.001
-    assert found.verdict == "not linear" and found.decay.scatter < 0.6 * by_force.scatter
+    assert by_force.unexplained and not found.decay.unexplained
+    assert found.verdict == "not linear" and found.decay.size > by_force.size
     assert level_finding(found, "table").code == "slip-then-ring"
 
 
