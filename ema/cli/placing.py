@@ -1,19 +1,21 @@
 """`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ema import show, store
+from ema.cli import screen
 from ema.cli.cluster import workers
-from ema.cli.common import Json, Limit, records, save_pictures, split_formats, status
+from ema.cli.common import Json, Limit, made, records, save_pictures, write_report
 from ema.cli.ending import ends_well
 from ema.cli.option_groups import Reporting, Work, grouped
-from ema.messages import checked_language
+from ema.cli.predicting_location import sentences_together
 
 if TYPE_CHECKING:
-    from ema.data.placement import Placement
+    from ema.data import Placement
     from ema.place import BeamsForecast
     from ema.study.friction import PlacementTask
 
@@ -40,31 +42,25 @@ def place(
     json: Json = False,
 ) -> int:
     """Where a friction beam goes, and how hard to press it."""
-    from ema.cli import screen
     from ema.study.friction import placed
     from ema.study.placement_inputs import placement_source
     from ema.study.several_beams import several_beams
-    from ema.study.study import make_folder
 
-    wanted, spoken = split_formats(report.formats), checked_language(report.language)
-    asked = placement_source(source, recipe)
-    folder = output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement"
-    make_folder(folder)
+    wanted = report.checked()
+    inputs = placement_source(source, recipe)
+    folder = made(output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement")
     with screen.Bars() as bars:
-        task = asked.task(bars)
+        task = inputs.task(bars)
         with workers(work.cluster, work.jobs or 1) as executor:
             placement = placed(task, folder / "checked", work.resume, executor, bars, anyway=anyway)
         placement, several = several_beams(task, placement, bars)
-    written = _write(placement, folder, wanted, spoken)
-    predicted = None if several is None else several.forecast
-    if predicted is not None:
-        written += _write_together(predicted, task, folder)
-    if json:
-        together = None if several is None else several.plain(task)
-        screen.as_json(_as_mapping(placement, written) | {"together": together})
-    else:
-        _show(placement, written, [] if predicted is None else _sentences(predicted, task))
-    return status(placement.all_findings, limit)
+    written = _write(placement, folder, *wanted)
+    lines: Sequence[str] = ()
+    if several is not None and several.forecast is not None:
+        written += _write_together(several.forecast, task, folder)
+        lines = sentences_together(several.forecast, task.modes)
+    document = _as_mapping(placement) | {"together": None if several is None else several.plain(task)}
+    return screen.answer(document, _content(placement, lines), placement.all_findings, written, limit=limit, json=json)
 
 
 def _stem(path: Path) -> str:
@@ -73,37 +69,23 @@ def _stem(path: Path) -> str:
 
 def _write(found: "Placement", folder: Path, formats: Sequence[str], language: str) -> list[Path]:
     """Store, pictures and report."""
-    from ema import report, show, store
-
     written = [folder / "placement.h5"]
     store.save(written[0], found)
     pictures = {"placement_map": show.placement_map(found), "recommended_force": show.recommended_force(found)}
     if found.control is not None:
         pictures["control"] = show.control_gain(found.control)
     written += save_pictures(folder, pictures)
-    report.write(found, folder / "placement.html", formats, language)
-    return [*written, *(folder / f"placement.{name}" for name in formats)]
+    return [*written, *write_report(found, folder / "placement", formats, language)]
 
 
 def _write_together(forecast: "BeamsForecast", task: "PlacementTask", folder: Path) -> list[Path]:
     """The forecast of several beams, as `ema predict --together` stores it, and its picture."""
-    from ema import show, store
-
     path = folder / "placement_together.h5"
     store.save(path, {"bare": task.modes, "forecast_together": forecast.forecast})
     return [path, *save_pictures(folder, {"forecast_together": show.forecast_bands(forecast.forecast)})]
 
 
-def _sentences(together: "BeamsForecast", task: "PlacementTask") -> list[str]:
-    """The forecast of several beams, for people; their choice is a finding."""
-    from ema.study.plain_forecast import READINGS, lines_together
-
-    forecast = together.forecast
-    first = f"{forecast.beam}: 95 % bands from {forecast.draws} draws; {READINGS[forecast.method]}."
-    return [first, *(f"  {line}" for line in lines_together(together, task.modes))]
-
-
-def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
+def _as_mapping(found: "Placement") -> dict[str, Any]:
     from ema.report.placement import answer
     from ema.report.trials import proposal
     from ema.study.plain import finding
@@ -120,27 +102,20 @@ def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
         "trials": [] if found.trials is None else records(found.trials.table()),
         "control": None if found.control is None else found.control.verdict,
         "findings": [finding(one) for one in found.all_findings],
-        "written": [str(path) for path in written],
     }
 
 
-def _show(found: "Placement", written: list[Path], together: Sequence[str]) -> None:
-    """Print the places, the answer, what several beams do together, findings and files."""
-    from ema.cli import screen
+def _content(found: "Placement", together: Sequence[str]) -> "Iterator[screen.Content]":
+    """The places, the answer, what several beams do together, and findings."""
     from ema.report.placement import answer
     from ema.report.trials import proposal
 
-    out = screen.console()
     if found.warning:
-        out.print(found.warning, style="bold red", soft_wrap=True)
+        yield screen.styled(found.warning, "bold red")
     frame = found.ranking.table().reset_index()
     title = f"{found.title}: {found.ranking.objective}"
-    out.print(screen.table(frame.columns, frame.itertuples(index=False), title, whole=()))
-    for sentence in (answer(found), *together):
-        out.print(sentence, soft_wrap=True)
-    if found.trials is not None:
-        out.print(proposal(found.trials), soft_wrap=True)
-    if found.control is not None:
-        out.print(found.control.verdict, soft_wrap=True)
-    screen.show_findings(out, found.all_findings)
-    screen.show_written(out, written)
+    yield screen.table(frame.columns, frame.itertuples(index=False), title, whole=())
+    yield from (answer(found), *together)
+    yield from () if found.trials is None else (proposal(found.trials),)
+    yield from () if found.control is None else (found.control.verdict,)
+    yield from found.all_findings
