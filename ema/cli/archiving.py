@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import ema
+from ema import store
+from ema.cli import screen
 from ema.cli.cluster import Cluster, workers
-from ema.cli.common import Jobs, Json, jsonable, status, write_csv
-from ema.cli.ending import FINE, ends_well
+from ema.cli.common import Jobs, Json, in_si, jsonable, status, write_csv
+from ema.cli.ending import ends_well
 from ema.cli.option_groups import grouped
 from ema.errors import InputError
 
@@ -104,7 +107,7 @@ def add(
     """Add campaigns with the results that `ema run` kept of them; what is there already stays."""
     from ema import archive
     from ema.archive.adding import sources_of
-    from ema.cli import screen
+    from ema.study.plain import finding
 
     paths, archives = [], []
     for path in campaigns or []:
@@ -117,14 +120,11 @@ def add(
     with screen.Bars() as bars, workers(cluster, many) as executor:
         added = archive.add(folder, sources, archives=archives, executor=executor, progress=bars)
     if json:
-        from ema.study.plain import finding
-
         screen.as_json(vars(added) | {"findings": [finding(one) for one in added.findings]})
     else:
         words = [f"{getattr(added, name)} {name}" for name in ("new", "changed", "moved", "unchanged")]
         words += [f"{added.merged} parts of other archives"] if archives else []
-        screen.console().print(f"{folder}: {', '.join(words)}; {added.runs} runs in these campaigns.", soft_wrap=True)
-        screen.show_findings(screen.console(), added.findings)
+        screen.say(f"{folder}: {', '.join(words)}; {added.runs} runs in these campaigns.", *added.findings)
     return status(added.findings, "error")
 
 
@@ -143,8 +143,7 @@ def find(
         from ema.archive import Observation
 
         write_csv(output, Observation._fields, answer.observations)
-    _show(answer, output, json=json)
-    return FINE
+    return _shown(answer, [] if output is None else [output], json=json)
 
 
 @app.command()
@@ -163,8 +162,7 @@ def trend(
         raise InputError("not a picture that can be written", got=str(output), expected=" or ".join(_PICTURES))
     answer = _asked(folder, conditions.query())
     _draw(answer, output)
-    _show(answer, output, json=json)
-    return FINE
+    return _shown(answer, [output], json=json)
 
 
 def _is_archive(path: Path) -> bool:
@@ -195,9 +193,8 @@ def _campaigns_in(path: Path) -> list[Path]:
 def _source(path: Path) -> "Source":
     """Where the study of a campaign or recipe keeps its results."""
     from ema.archive import Source
-    from ema.study import Study
 
-    study = Study.load(path)
+    study = ema.Study.load(path)
     if study.campaign.is_file() and study.campaign.suffix.lower() != ".toml":
         raise InputError("a file with measurements is no campaign", where=str(path), expected="a campaign or recipe")
     result = study.result if path.is_file() or study.kept.is_dir() else _of_former_name(study.result)
@@ -227,10 +224,8 @@ def _percent(text: str, option: str) -> float:
 
 
 def _measured(text: str, quantity: str, option: str) -> float:
-    from acquisition import quantities
-
     try:
-        return quantities.measure(text, quantity)[0]
+        return in_si(text, quantity)
     except InputError as error:
         raise InputError(
             error.what, where=option, got=error.got, expected=error.expected, advice=error.advice
@@ -246,14 +241,12 @@ def _day(text: str, option: str) -> date | None:
 
 def _asked(folder: Path, query: "Query") -> "Answer":
     from ema import archive
-    from ema.cli import screen
 
     with screen.Bars() as bars:
         return archive.find(folder, query, progress=bars)
 
 
 def _draw(answer: "Answer", path: Path) -> None:
-    from ema import store
     from ema.archive import trend as drawn
 
     figure = drawn(answer)
@@ -261,30 +254,27 @@ def _draw(answer: "Answer", path: Path) -> None:
         figure.savefig(target, format=path.suffix.lower().removeprefix("."), dpi=150)
 
 
-def _show(answer: "Answer", written: Path | None, *, json: bool) -> None:
-    from ema.cli import screen
+def _shown(answer: "Answer", written: list[Path], *, json: bool) -> int:
+    """Print the answer; the exit status, which findings do not change."""
     from ema.study.plain import finding
 
-    if json:
-        modes: list[dict[str, Any]] = [jsonable(row._asdict()) for row in answer.observations]
-        counts = {"campaigns": answer.campaigns, "runs": answer.runs, "modes": modes}
-        paths = {"written": [] if written is None else [str(written)]}
-        screen.as_json(counts | {"findings": [finding(one) for one in answer.findings]} | paths)
-        return
-    out = screen.console()
-    if answer.observations:
-        out.print(_table(answer))
+    document = {
+        "campaigns": answer.campaigns,
+        "runs": answer.runs,
+        "modes": [jsonable(row._asdict()) for row in answer.observations],
+        "findings": [finding(one) for one in answer.findings],
+    }
     total = len(answer.observations)
     more = f"; the first {SHOWN} are shown, --json and `find --output` give all" if total > SHOWN else ""
-    out.print(f"{total} modes in {answer.campaigns} campaigns with {answer.runs} runs{more}.", soft_wrap=True)
-    screen.show_findings(out, answer.findings)
-    if written is not None:
-        screen.show_written(out, [written])
+    content = (
+        *((_table(answer),) if total else ()),
+        f"{total} modes in {answer.campaigns} campaigns with {answer.runs} runs{more}.",
+        *answer.findings,
+    )
+    return screen.answer(document, content, answer.findings, written, limit="never", json=json)
 
 
 def _table(answer: "Answer") -> Any:
-    from ema.cli import screen
-
     left = ("date", "structure", "campaign", "run")
     rows = [
         (

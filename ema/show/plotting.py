@@ -43,7 +43,8 @@ from ema.show import (
     stepped_levels,
 )
 from ema.show.joint_result import JointResult
-from ema.show.style import BLUE, new_figure, styled
+from ema.show.layout import subplots
+from ema.show.style import BLUE, styled
 
 
 def plot(thing: Any, **options: Any) -> Figure:
@@ -176,8 +177,7 @@ def _study(study: data.StudyResult, **options: Any) -> Figure:
 @styled
 def _ranking(ranking: data.Ranking) -> Figure:
     """Scores of the best locations with their 95 % intervals."""
-    figure = new_figure(3.2)
-    axes = figure.subplots()
+    figure, axes = subplots(height=3.2)
     places = ranking.places[:20]
     low, value, high = (
         [100 * getattr(place, name) for place in places] for name in ("score_low", "score", "score_high")
@@ -186,9 +186,7 @@ def _ranking(ranking: data.Ranking) -> Figure:
     off = [[max(0.0, v - a) for a, v in zip(low, value)], [max(0.0, b - v) for v, b in zip(value, high)]]
     axes.errorbar(numbers, value, off, fmt="o", ms=4, capsize=3, color=BLUE)
     axes.set_xticks(numbers)
-    axes.set_xlabel("Rank of the location")
-    axes.set_ylabel("Objective [%]")
-    axes.set_title(ranking.objective)
+    axes.set(xlabel="Rank of the location", ylabel="Objective [%]", title=ranking.objective)
     return figure
 
 

@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 from ema.data import Geometry, ModalModel
 from ema.errors import FailureError, InputError, MissingExtraError
 from ema.shapes import expand
-from ema.show.style import COLOUR_MAP, FAINT, new_figure, styled
+from ema.show.layout import subplots
+from ema.show.style import COLOUR_MAP, FAINT, styled
 
 _PROBE = """
 import pyvista
@@ -251,8 +252,7 @@ def rendered_shape(model: ModalModel, geometry: Geometry, mode: int, amplitude: 
     """
     drawn = scene(model, geometry, mode, amplitude)
     (picture,) = rendered_frames([drawn], [0.0], (1200, 900))
-    figure = new_figure(6.75)
-    axes = figure.subplots()
+    figure, axes = subplots(height=6.75)
     axes.imshow(picture)
     axes.set_axis_off()
     axes.set_title(drawn.title)
