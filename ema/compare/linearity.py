@@ -287,7 +287,7 @@ def judge(decays: ImpactDecays) -> Linearity:
     whole = float(np.median(decays.cut)) < CUT
     constants = level_dependence(*_constants(decays), energy, decays.peaks, points) if whole else None
     once = np.flatnonzero(decays.again < AGAIN)
-    levels, where = _told_apart(decays)[once], [points[row] for row in once]
+    levels, where = _separate_levels(decays)[once], [points[int(row)] for row in once]
     return _decided(constants, level_dependence(ratio[once], variance[once], energy[once], levels, where), decays)
 
 
@@ -314,7 +314,7 @@ def _vibration(decays: ImpactDecays) -> tuple[Float[np.ndarray, "impact"], Float
     return np.sqrt(square), np.sqrt(noise) / square
 
 
-def _told_apart(decays: ImpactDecays) -> Float[np.ndarray, "impact"]:
+def _separate_levels(decays: ImpactDecays) -> Float[np.ndarray, "impact"]:
     """Levels of the vibration behind the impacts; one level on each point where noise is too large for a slope."""
     level, noise = _vibration(decays)
     for point in dict.fromkeys(decays.inputs):

@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import acquisition
 from acquisition import model_file
@@ -118,7 +118,7 @@ def forecasts_at(
     """
     verdict = verdict_of(task.recipe, task.folder)
     refuse_disagreement(verdict, task.modes.name or "bare structure")
-    asked = {"force_levels": force_levels, "normal_forces": normal_forces, "progress": progress}
+    asked: dict[str, Any] = {"force_levels": force_levels, "normal_forces": normal_forces, "progress": progress}
     if together:
         results = [forecast_together(task.recipe, task.modes, task.geometry, locations, **asked)]
     else:
