@@ -9,6 +9,7 @@ from ema.data import Finding, FrfSet, HitGallery, ModalModel
 from ema.dof import match
 from ema.errors import InputError
 from ema.estimate import force_or_response
+from ema.estimate.channel_phase import turned_channels
 from ema.estimate.turned_sensors import turned_sensors
 
 LOW_COHERENCE = 0.8
@@ -39,8 +40,8 @@ of values; five times that is allowed. A measurement with a coherence below 0.5 
 def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | None = None) -> tuple[Finding, ...]:
     """Check FRFs for everything that a reader has to know before trusting what is fitted to them.
 
-    Dead or undefined FRFs, coherence over the band and at the resonances, noise, sign and phase of drive points,
-    reciprocity, averages, and the band that the force reaches.
+    Dead or undefined FRFs, coherence over the band and at the resonances, noise, sign and phase of drive points and
+    of single responses, reciprocity, averages, and the band that the force reaches.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def quality(frfs: FrfSet, modes: ModalModel | None = None, hits: HitGallery | No
     findings += _noise(alive)
     findings += (_conjugate(alive) if hits is None else []) or _drive_points(alive)  # those of impacts are our own
     findings += _reciprocity(alive)
-    findings += turned_sensors(alive, peaks)
+    findings += turned_sensors(alive, peaks) + turned_channels(alive, peaks, modes)
     if hits is not None:
         findings += _beyond_force(alive, hits, peaks)
     return tuple(findings)
