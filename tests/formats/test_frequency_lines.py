@@ -10,13 +10,14 @@ import acquisition
 from ema.errors import InputError
 
 
-def codes(path: Path, frequencies: np.ndarray) -> dict[str, float]:
-    """Findings about an FRF table with these frequencies in Hz: code and value."""
+def codes(path: Path, frequencies: np.ndarray, exact: np.ndarray | None = None) -> dict[str, float]:
+    """Findings about an FRF table with these frequencies in Hz, which ``exact`` ones were rounded to: code and value."""
     rng = np.random.default_rng(20261125)
     rows = np.column_stack([frequencies, rng.normal(size=(len(frequencies), 2))])
     np.savetxt(path, rows, delimiter=",", header="Frequency [Hz],Real,Imaginary", comments="", fmt="%.6g")
     contents = acquisition.read(path)
-    np.testing.assert_allclose(contents.frfs[0].frequencies, frequencies, rtol=1e-5)
+    read = contents.frfs[0].frequencies
+    np.testing.assert_allclose(read, frequencies if exact is None else exact, rtol=1e-5)
     return {finding.code: finding.value for finding in contents.findings}
 
 
@@ -33,12 +34,18 @@ def test_lost_lines_are_named_and_counted(tmp_path: Path, lost: list[int]) -> No
         np.geomspace(5, 500, 60),
         np.setdiff1d(np.arange(1, 400, 2), np.arange(5, 400, 8)).astype(float),  # odd lines, one of four left out
         np.concatenate([np.arange(10, 40), 40 + 0.25 * np.arange(60)]),  # refined about a resonance
-        np.round(3.7 * np.arange(1, 90)),  # rounded to full Hz
     ],
-    ids=["even", "logarithmic", "odd multisine", "refined", "rounded"],
+    ids=["even", "logarithmic", "odd multisine", "refined"],
 )
 def test_axes_that_are_meant_so_have_no_finding(tmp_path: Path, axis: np.ndarray) -> None:
-    assert "lines-missing" not in codes(tmp_path / "a.csv", axis)
+    assert not {"lines-missing", "frequencies-rounded"} & set(codes(tmp_path / "a.csv", axis))
+
+
+def test_lines_rounded_to_full_hertz_are_those_that_were_rounded(tmp_path: Path) -> None:
+    exact = 3.7 * np.arange(1, 90)
+    found = codes(tmp_path / "a.csv", np.round(exact), exact)
+    assert "lines-missing" not in found
+    assert found["frequencies-rounded"] == pytest.approx(0.5, abs=0.01)  # 3.7 * 5 = 18.5 Hz
 
 
 @pytest.mark.parametrize("titles", ["Real,Imaginary", "Magnitude,Phase (deg)"])
