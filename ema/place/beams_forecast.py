@@ -153,8 +153,12 @@ def about_forecast(result: BeamsForecast) -> tuple[Finding, ...]:
                 forces=", ".join(f"{force:.4g}" for force in result.normal_forces[column]),
                 level=f"{forecast.force_levels[level]:.4g}",
                 mode=forecast.modes[row],
-                **dict(zip(("f", "f_low", "f_high"), (f"{one:.3f}" for one in f), strict=True)),
-                **dict(zip(("z", "z_low", "z_high"), (f"{100 * one:.3f}" for one in z), strict=True)),
+                f=f"{f[0]:.3f}",
+                f_low=f"{f[1]:.3f}",
+                f_high=f"{f[2]:.3f}",
+                z=f"{100 * z[0]:.3f}",
+                z_low=f"{100 * z[1]:.3f}",
+                z_high=f"{100 * z[2]:.3f}",
                 draws=forecast.draws,
             )
         )
