@@ -269,20 +269,20 @@ class Server:
         buffer = connection.buffer
         while buffer and buffer[0] in b"\r\n":
             del buffer[:1]
-        end = _END.search(buffer, 0, HEAD + 4)
-        if end is None:
+        found = _END.search(buffer, 0, HEAD + 4)
+        if found is None:
             if len(buffer) > HEAD:
                 raise _Refused(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, f"more than {HEAD} bytes of headers")
             return None
-        head = bytes(buffer[: end.end()])
+        head = bytes(buffer[: found.end()])
         length = _length(head)
-        if len(buffer) < end.end() + length:
+        if len(buffer) < found.end() + length:
             if b"100-continue" in head.lower() and not connection.invited:
                 connection.invited = True
                 connection.socket.send(b"HTTP/1.1 100 Continue\r\n\r\n")
             return None
-        body = bytes(buffer[end.end() : end.end() + length])
-        del buffer[: end.end() + length]
+        body = bytes(buffer[found.end() : found.end() + length])
+        del buffer[: found.end() + length]
         return Request(head, body)
 
     def _dispatch(self) -> None:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import ema
-from ema import datasets, store
 from ema.cli import (
     archiving,
     beginning,
@@ -19,7 +18,6 @@ from ema.cli import (
     placing,
     predicting,
     recording,
-    screen,
     simulating,
 )
 from ema.cli.common import Formats, Jobs, Json, LimitOfRecipe, split_formats, status
@@ -30,6 +28,7 @@ from ema.errors import InputError
 if TYPE_CHECKING:
     from ema.data import Finding, Geometry, ModalModel
     from ema.fit.opinion import SecondOpinion
+    from ema.study import Study
     from ema.study.recipe import FitTable
 
 app = typer.Typer(
@@ -116,9 +115,10 @@ def run(
 ) -> int:
     """Do a whole study: signals to modes, expectations and a report."""
     from ema.messages import checked_language
+    from ema.study import Study
 
     others = [name for name in split_formats(report.formats) if name != "html"]
-    study = reading.of(ema.Study.load(recipe, output))
+    study = reading.of(Study.load(recipe, output))
     if report.language:
         spoken = study.recipe.model_copy(update={"language": checked_language(report.language)})
         study = replace(study, recipe=spoken)
@@ -137,7 +137,9 @@ def demo(
     json: Json = False,
 ) -> int:
     """Do the main job on a virtual work table: from a hammer test to the place of a friction beam and a report."""
-    from ema.study import recipe
+    from ema import datasets
+    from ema.cli import screen
+    from ema.study import Study, recipe
 
     if listing:
         titles = {one: recipe.load(datasets.recipe_file(one)).title for one in datasets.recipes()}
@@ -148,7 +150,7 @@ def demo(
                 print(f"{one:22}{title}")
         return FINE
     written = datasets.fetch_recipe(name, folder)
-    study = ema.Study.load(written)
+    study = Study.load(written)
     status = _done(study, [], Work(jobs, resume=study.kept.is_dir()), limit=None, json=json)
     if not json:
         print(f"Recipe: {written}\nCampaign: {study.campaign.resolve() / 'campaign.toml'}")
@@ -161,6 +163,7 @@ def demo(
 
 def _done(study: "ema.Study", others: list[str], work: Work, *, limit: str | None, json: bool) -> int:
     """Do a study and show its result; the exit status."""
+    from ema.cli import screen
     from ema.cli.cluster import workers
     from ema.study import summary
 
@@ -191,10 +194,11 @@ def check(
     json: Json = False,
 ) -> int:
     """Say what was measured, under which conditions, and what is wrong with it; no modes."""
-    from ema.cli import checking
+    from ema.cli import checking, screen
     from ema.compare import repeat_findings
+    from ema.study import Study
 
-    study = reading.of(ema.Study.load(campaign))
+    study = reading.of(Study.load(campaign))
     with screen.Bars() as bars:
         opened = study.open(bars)
         opened = replace(opened, findings=opened.findings + repeat_findings(opened.runs))
@@ -227,11 +231,12 @@ def fit(
 ) -> int:
     """Fit the modes of one run or file and print them."""
     from ema import fit as fitting
+    from ema.cli import screen
     from ema.estimate import quality, without_dead
-    from ema.study import chain
+    from ema.study import Study, chain
     from ema.study.measured import frfs_of
 
-    study = reading.of(ema.Study.load(measurement))
+    study = reading.of(Study.load(measurement))
     settings = _settings(wanted.over(study.recipe.fit.given()))
     models: dict[str, ModalModel] = {}
     measured: dict[str, tuple[Finding, ...]] = {}
@@ -273,6 +278,8 @@ def report(
     json: Json = False,
 ) -> int:
     """Write the report of a stored result: a study, a placement, a comparison, a map, a prediction, a simulation."""
+    from ema import store
+    from ema.cli import screen
     from ema.report import write
 
     wanted = split_formats(formats)
@@ -293,7 +300,7 @@ def explain(
     """Say what a finding means, and which page of the docs tells more."""
     from dataclasses import asdict
 
-    from ema.cli import listing
+    from ema.cli import listing, screen
     from ema.messages import explain as explained
     from ema.messages import kinds
 
@@ -312,7 +319,7 @@ def explain(
 def formats(json: Json = False) -> int:
     """List the file formats that can be read and written."""
     import acquisition
-    from ema.cli import listing
+    from ema.cli import listing, screen
 
     if json:
         screen.as_json(listing.formats_as_list(acquisition.formats()))
@@ -325,7 +332,7 @@ def formats(json: Json = False) -> int:
 @ends_well
 def doctor(json: Json = False) -> int:
     """Say what works on this machine, and the command that fixes what does not."""
-    from ema.cli import doctor, listing
+    from ema.cli import doctor, listing, screen
 
     with screen.Bars() as bars:
         checks = doctor.examine(bars)
@@ -368,6 +375,8 @@ def _print_modes(
     measured: "dict[str, tuple[Finding, ...]]",
 ) -> None:
     """Tables of the modes of each run, of the second opinion where there is one, and the findings."""
+    from ema.cli import screen
+
     out = screen.console()
     for name, model in models.items():
         out.print(screen.mode_table(model, name))
@@ -380,6 +389,8 @@ def _print_modes(
 def _write_modes(path: Path, models: "dict[str, ModalModel]", geometry: "Geometry | None") -> None:
     """To our own format or to a foreign one, by the suffix."""
     if path.suffix.lower() == ".h5":
+        from ema import store
+
         store.save(path, models)
     else:
         import acquisition

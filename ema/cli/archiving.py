@@ -8,12 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import ema
-from ema import store
-from ema.cli import screen
 from ema.cli.cluster import Cluster, workers
-from ema.cli.common import Jobs, Json, in_si, jsonable, status, write_csv
-from ema.cli.ending import ends_well
+from ema.cli.common import Jobs, Json, jsonable, status, write_csv
+from ema.cli.ending import FINE, ends_well
 from ema.cli.option_groups import grouped
 from ema.errors import InputError
 
@@ -107,7 +104,7 @@ def add(
     """Add campaigns with the results that `ema run` kept of them; what is there already stays."""
     from ema import archive
     from ema.archive.adding import sources_of
-    from ema.study.plain import finding
+    from ema.cli import screen
 
     paths, archives = [], []
     for path in campaigns or []:
@@ -120,11 +117,14 @@ def add(
     with screen.Bars() as bars, workers(cluster, many) as executor:
         added = archive.add(folder, sources, archives=archives, executor=executor, progress=bars)
     if json:
+        from ema.study.plain import finding
+
         screen.as_json(vars(added) | {"findings": [finding(one) for one in added.findings]})
     else:
         words = [f"{getattr(added, name)} {name}" for name in ("new", "changed", "moved", "unchanged")]
         words += [f"{added.merged} parts of other archives"] if archives else []
-        screen.say(f"{folder}: {', '.join(words)}; {added.runs} runs in these campaigns.", *added.findings)
+        screen.console().print(f"{folder}: {', '.join(words)}; {added.runs} runs in these campaigns.", soft_wrap=True)
+        screen.show_findings(screen.console(), added.findings)
     return status(added.findings, "error")
 
 
@@ -143,7 +143,8 @@ def find(
         from ema.archive import Observation
 
         write_csv(output, Observation._fields, answer.observations)
-    return _shown(answer, [] if output is None else [output], json=json)
+    _show(answer, output, json=json)
+    return FINE
 
 
 @app.command()
@@ -162,7 +163,8 @@ def trend(
         raise InputError("not a picture that can be written", got=str(output), expected=" or ".join(_PICTURES))
     answer = _asked(folder, conditions.query())
     _draw(answer, output)
-    return _shown(answer, [output], json=json)
+    _show(answer, output, json=json)
+    return FINE
 
 
 def _is_archive(path: Path) -> bool:
@@ -193,8 +195,9 @@ def _campaigns_in(path: Path) -> list[Path]:
 def _source(path: Path) -> "Source":
     """Where the study of a campaign or recipe keeps its results."""
     from ema.archive import Source
+    from ema.study import Study
 
-    study = ema.Study.load(path)
+    study = Study.load(path)
     if study.campaign.is_file() and study.campaign.suffix.lower() != ".toml":
         raise InputError("a file with measurements is no campaign", where=str(path), expected="a campaign or recipe")
     result = study.result if path.is_file() or study.kept.is_dir() else _of_former_name(study.result)
@@ -224,8 +227,10 @@ def _percent(text: str, option: str) -> float:
 
 
 def _measured(text: str, quantity: str, option: str) -> float:
+    from acquisition import quantities
+
     try:
-        return in_si(text, quantity)
+        return quantities.measure(text, quantity)[0]
     except InputError as error:
         raise InputError(
             error.what, where=option, got=error.got, expected=error.expected, advice=error.advice
@@ -241,12 +246,14 @@ def _day(text: str, option: str) -> date | None:
 
 def _asked(folder: Path, query: "Query") -> "Answer":
     from ema import archive
+    from ema.cli import screen
 
     with screen.Bars() as bars:
         return archive.find(folder, query, progress=bars)
 
 
 def _draw(answer: "Answer", path: Path) -> None:
+    from ema import store
     from ema.archive import trend as drawn
 
     figure = drawn(answer)
@@ -254,27 +261,30 @@ def _draw(answer: "Answer", path: Path) -> None:
         figure.savefig(target, format=path.suffix.lower().removeprefix("."), dpi=150)
 
 
-def _shown(answer: "Answer", written: list[Path], *, json: bool) -> int:
-    """Print the answer; the exit status, which findings do not change."""
+def _show(answer: "Answer", written: Path | None, *, json: bool) -> None:
+    from ema.cli import screen
     from ema.study.plain import finding
 
-    document = {
-        "campaigns": answer.campaigns,
-        "runs": answer.runs,
-        "modes": [jsonable(row._asdict()) for row in answer.observations],
-        "findings": [finding(one) for one in answer.findings],
-    }
+    if json:
+        modes: list[dict[str, Any]] = [jsonable(row._asdict()) for row in answer.observations]
+        counts = {"campaigns": answer.campaigns, "runs": answer.runs, "modes": modes}
+        paths = {"written": [] if written is None else [str(written)]}
+        screen.as_json(counts | {"findings": [finding(one) for one in answer.findings]} | paths)
+        return
+    out = screen.console()
+    if answer.observations:
+        out.print(_table(answer))
     total = len(answer.observations)
     more = f"; the first {SHOWN} are shown, --json and `find --output` give all" if total > SHOWN else ""
-    content = (
-        *((_table(answer),) if total else ()),
-        f"{total} modes in {answer.campaigns} campaigns with {answer.runs} runs{more}.",
-        *answer.findings,
-    )
-    return screen.answer(document, content, answer.findings, written, limit="never", json=json)
+    out.print(f"{total} modes in {answer.campaigns} campaigns with {answer.runs} runs{more}.", soft_wrap=True)
+    screen.show_findings(out, answer.findings)
+    if written is not None:
+        screen.show_written(out, [written])
 
 
 def _table(answer: "Answer") -> Any:
+    from ema.cli import screen
+
     left = ("date", "structure", "campaign", "run")
     rows = [
         (

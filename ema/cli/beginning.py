@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema import show, store
-from ema.cli import screen
-from ema.cli.common import Json, made
+from ema.cli.common import Json
 from ema.cli.ending import FINE, ends_well
 from ema.errors import FailureError, InputError
 
@@ -37,6 +35,7 @@ def init(
     json: Json = False,
 ) -> int:
     """Propose the campaign.toml of a folder: runs, channels, units, geometry; asks what the files do not say."""
+    from ema.cli import screen
     from ema.proposal import propose
 
     target = (output or folder) / "campaign.toml"
@@ -100,6 +99,8 @@ def _text(proposal: "Proposal", folder: Path, target: Path) -> str:
 
 
 def _write(target: Path, text: str) -> None:
+    from ema import store
+
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -117,7 +118,10 @@ def _drawn(proposal: "Proposal", path: Path) -> Path | None:
     """A picture of the geometry, where there is one."""
     if proposal.geometry is None:
         return None
-    made(path.parent)
+    from ema import show, store
+    from ema.study.study import make_folder
+
+    make_folder(path.parent)
     figure = show.geometry(proposal.geometry, proposal.responses, proposal.references)
     with store.replacing(path) as temporary:
         figure.savefig(temporary, format="png", dpi=150)
@@ -142,6 +146,8 @@ def _mapping(proposal: "Proposal", target: Path, picture: Path | None, *, writte
 
 
 def _show(proposal: "Proposal", target: Path, picture: Path | None) -> None:
+
+    from ema.cli import screen
 
     out = screen.console()
     out.print(proposal.summary, soft_wrap=True)

@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-import ema
-from ema import store
-from ema.cli import screen
 from ema.cli.ending import FINE, ends_well
 from ema.data import (
     Campaign,
@@ -32,6 +29,8 @@ from ema.progress import Progress, silent
 
 if TYPE_CHECKING:
     from ema.app.state import Exclusion, Workbench
+    from ema.study import Study
+
 app = typer.Typer(context_settings={"help_option_names": ["-h", "--help"]})
 
 T = TypeVar("T")
@@ -66,6 +65,7 @@ def browse(
 ) -> int:
     """Pick poles and watch shapes in a browser; nothing leaves this machine."""
     from ema.app.server import serve
+    from ema.cli import screen
 
     spoken = checked_language(language) if language else ""
     with screen.Bars() as bars:
@@ -96,10 +96,11 @@ def workbench(
     InputError : the path holds none of these.
     """
     from ema.app.state import Workbench
+    from ema.study import Study
 
     if path.suffix.lower() == ".h5" and (result := _result(path)) is not None:
         return _with_answers(_of_result(path, result, progress, maps))
-    study = ema.Study.load(path, output)
+    study = Study.load(path, output)
     campaign = study.open(progress)
     picked = _picked(study.result)
     newer = picked.is_file() and not (study.result.is_file() and study.result.stat().st_mtime > picked.stat().st_mtime)
@@ -133,16 +134,17 @@ def study_of(path: Path, result: StudyResult) -> "ema.Study | None":
     the campaign.
     """
     from ema.fingerprint import of_files
+    from ema.study import Study
 
     # the recipe comes first in the provenance of a study that has one
     name, print_ = next(iter(result.provenance.inputs), ("", ""))
     if not name.endswith(".toml") or name == "campaign.toml":
         folder = result.campaign.folder
-        return ema.Study.load(folder, path.parent) if folder and Path(folder).exists() else None
+        return Study.load(folder, path.parent) if folder and Path(folder).exists() else None
     for place in (path.parent, path.parent.parent, Path.cwd(), Path.cwd() / "reports"):
         file = place / Path(name).name
         if file.is_file() and of_files([file]) == print_:
-            return ema.Study.load(file, path.parent)
+            return Study.load(file, path.parent)
     return None
 
 
@@ -310,6 +312,8 @@ def _picked(result: Path) -> Path:
 
 def _result(path: Path) -> StudyResult | None:
     """The result of a study in a file of ours, if it is one."""
+    from ema import store
+
     if not (path.is_file() and store.is_store(path)):
         return None
     try:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from ema import store
 from ema.cli.ending import FINDINGS, FINE
 
 if TYPE_CHECKING:
@@ -36,19 +35,6 @@ def status(findings: "Iterable[Finding]", limit: str) -> int:
     return FINDINGS if any(finding.severity in _GRAVE[limit] for finding in findings) else FINE
 
 
-def made(folder: Path) -> Path:
-    """The folder for what is written, made before any work.
-
-    Raises
-    ------
-    FailureError : it cannot be made.
-    """
-    from ema.study.study import make_folder
-
-    make_folder(folder)
-    return folder
-
-
 def save_pictures(folder: Path, figures: "Mapping[str, Figure]") -> list[Path]:
     """Write every figure as SVG and PNG, whole or not at all; the paths.
 
@@ -56,6 +42,7 @@ def save_pictures(folder: Path, figures: "Mapping[str, Figure]") -> list[Path]:
     ------
     FailureError : the folder cannot be written, or the disk is full.
     """
+    from ema import store
     from ema.report.pictures import as_png, as_svg
 
     written = []
@@ -79,35 +66,11 @@ def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]])
     ------
     FailureError : the folder cannot be written, or the disk is full.
     """
+    from ema import store
     from ema.report.files import as_csv
 
     with store.replacing(path) as target:
         target.write_text(as_csv(columns, rows), encoding="utf-8", newline="")
-
-
-def write_report(content: Any, base: Path, formats: Sequence[str], language: str) -> list[Path]:
-    """Write a report in each format, or as a page where none is named; the paths of the formats named.
-
-    Raises
-    ------
-    FailureError : the folder cannot be written, or the disk is full.
-    """
-    from ema import report
-
-    report.write(content, base.with_name(f"{base.name}.html"), formats, language)
-    return [base.with_name(f"{base.name}.{name}") for name in formats]
-
-
-def in_si(text: str, quantity: str) -> float:
-    """A number with its unit, in SI.
-
-    Raises
-    ------
-    UnitError : no unit, or that of another quantity.
-    """
-    import acquisition
-
-    return float(acquisition.quantities.measure(text, quantity)[0])
 
 
 def records(table: "pd.DataFrame") -> list[dict[str, Any]]:

@@ -1,24 +1,24 @@
 """`ema compare`: measured modes, a measured map or a measured release against a model, with a verdict."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import acquisition
-from ema import shapes, show, store
-from ema.cli import screen
-from ema.cli.common import Json, made, records, save_pictures, write_csv, write_report
+from ema.cli.common import Json, records, save_pictures, split_formats, write_csv
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.cli.option_groups import Reporting, grouped
-from ema.data import Finding, Geometry, MapResult, ModalMap, ModalModel, Recording, Verdict
 from ema.errors import InputError
+from ema.messages import checked_language
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from ema.data import Finding, Geometry, ModalMap, ModalModel, Recording
+    from ema.data.comparison import Verdict
 
 
 @dataclass
@@ -83,7 +83,9 @@ def compare(
     json: Json = False,
 ) -> int:
     """Compare a model with a measurement; ends with status 1 where it does not agree."""
-    wanted = report.checked()
+    from ema.cli import screen
+
+    wanted, spoken = split_formats(report.formats), checked_language(report.language)
     content = _contents(measured)
     if geometry is not None and _is_model(model):
         raise InputError(
@@ -109,14 +111,20 @@ def compare(
             placed = None if geometry is None else _at_points(content, other, model, geometry)
             outcome = _against_file(content, placed[0] if placed else other, (measured, model), release)
             outcome.findings += placed[1] if placed else []
-    written = _write(out or Path("compared") / measured.resolve().stem, outcome, *wanted)
-    document = {
-        "agrees": outcome.verdict.agrees,
-        "verdict": list(outcome.verdict.sentences),
-        "tables": {name: records(table) for name, table in outcome.tables.items()},
-        "findings": [str(finding) for finding in outcome.findings],
-    }
-    screen.answer(document, _content(outcome), outcome.findings, written, limit="never", json=json)
+    folder = out or Path("compared") / measured.resolve().stem
+    written = _write(folder, outcome, wanted, spoken)
+    if json:
+        screen.as_json(
+            {
+                "agrees": outcome.verdict.agrees,
+                "verdict": list(outcome.verdict.sentences),
+                "tables": {name: records(table) for name, table in outcome.tables.items()},
+                "findings": [str(finding) for finding in outcome.findings],
+                "written": [str(one) for one in written],
+            }
+        )
+    else:
+        _print(outcome, written)
     return FINE if outcome.verdict.agrees else FINDINGS
 
 
@@ -126,6 +134,9 @@ def _is_model(path: Path) -> bool:
 
 def _contents(path: Path) -> "ModalMap | ModalModel | Recording":
     """The map, the modes or the record of a file."""
+    import acquisition
+    from ema import store
+    from ema.data import MapResult, ModalMap, ModalModel, Recording
     from ema.store.reading import containers
 
     if not path.exists():
@@ -163,6 +174,9 @@ def _at_points(
     points: Path,
 ) -> "tuple[ModalModel, list[Finding]]":
     """The modes of a finite element model on the DOFs of the test, and what the search of its points says."""
+    from ema import shapes
+    from ema.data import ModalModel
+
     if not isinstance(measured, ModalModel) or not isinstance(model, ModalModel):
         raise InputError(
             "points belong to modes",
@@ -183,6 +197,8 @@ def _geometry(path: Path) -> "Geometry":
     ------
     InputError : it has none.
     """
+    import acquisition
+    from ema import store
     from ema.store.reading import containers
 
     stored = store.is_store(path)
@@ -198,7 +214,8 @@ def _against_file(
     paths: tuple[Path, Path],
     release: Release,
 ) -> Outcome:
-    from ema import compare
+    from ema import compare, show
+    from ema.data import ModalMap, ModalModel, Recording
 
     if isinstance(first, ModalModel) and isinstance(second, ModalModel):
         paired = compare.modes(first, second)
@@ -234,8 +251,10 @@ def _against_model(
     updating: Updating,
     bars: Any,
 ) -> Outcome:
+    import acquisition
     from acquisition import model_file
-    from ema import compare
+    from ema import compare, show
+    from ema.data import ModalMap
 
     if not isinstance(content, ModalMap):
         raise InputError(
@@ -270,20 +289,27 @@ def _against_model(
 
 
 def _write(folder: Path, outcome: Outcome, formats: Sequence[str], language: str) -> list[Path]:
-    """Store, tables, pictures and report."""
-    made(folder)
+    from ema import report, store
+    from ema.study.study import make_folder
+
+    make_folder(folder)
     written = [folder / "comparison.h5"]
     store.save(written[0], outcome.contents)
     for name, table in outcome.tables.items():
         written.append(folder / f"{name}.csv")
         write_csv(written[-1], table.columns, table.itertuples(index=False))
     written += save_pictures(folder, outcome.pictures)
-    return [*written, *write_report(outcome.contents, folder / "comparison", formats, language)]
+    report.write(outcome.contents, folder / "comparison.html", formats, language)
+    return [*written, *(folder / f"comparison.{name}" for name in formats)]
 
 
-def _content(outcome: Outcome) -> "Iterator[screen.Content]":
-    """Tables, verdict and findings, for people."""
+def _print(outcome: Outcome, written: list[Path]) -> None:
+
+    from ema.cli import screen
+
+    console = screen.console()
     for name, table in outcome.tables.items():
-        yield screen.table(table.columns, table.itertuples(index=False), name, digits=".5g")
-    yield screen.styled(str(outcome.verdict), "bold" if outcome.verdict.agrees else "bold red")
-    yield from outcome.findings
+        console.print(screen.table(table.columns, table.itertuples(index=False), name, digits=".5g"))
+    console.print(str(outcome.verdict), style="bold" if outcome.verdict.agrees else "bold red", soft_wrap=True)
+    screen.show_findings(console, outcome.findings)
+    screen.show_written(console, written)

@@ -12,7 +12,6 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 import ema
-from ema import store
 from ema.progress import Progress, advance
 
 _PACKAGES = ("numpy", "scipy", "pandas", "h5py", "matplotlib", "numba", "pydantic", "pint")
@@ -84,6 +83,7 @@ def _store() -> list[Check]:
     """Write and read back a result, as every study does."""
     import numpy as np
 
+    from ema import store
     from ema.data import Geometry
 
     try:
@@ -143,6 +143,7 @@ def _app() -> list[Check]:
     """The page needs plotly to serve; a browser may be on another machine."""
     names = ("chromium", "chromium-browser", "google-chrome", "firefox", "msedge", "open")
     browser = next((found for name in names if (found := shutil.which(name))), "")
+    fix = "sudo apt-get install -y chromium" if _debian() else ""
     return [
         _extra("ema app", "plotly", "served"),
         Check(
@@ -150,7 +151,7 @@ def _app() -> list[Check]:
             bool(browser),
             browser or "none found here; the page can be opened from elsewhere with --host",
             False,
-            "sudo apt-get install -y chromium" if _debian() else "",
+            fix,
         ),
     ]
 
@@ -183,7 +184,8 @@ def _renderer() -> list[Check]:
         return [check]
     works = renderer_works()
     detail = "draws off screen" if works else "VTK cannot draw off screen; reports use matplotlib instead"
-    return [check, Check("renderer", works, detail, False, f"sudo apt-get install -y {_GRAPHICS}" if _debian() else "")]
+    remedy = f"sudo apt-get install -y {_GRAPHICS}" if _debian() else ""
+    return [check, Check("renderer", works, detail, False, remedy)]
 
 
 def _datasets() -> list[Check]:

@@ -1,16 +1,15 @@
 """`ema joint`: one friction law for numbers and sentences about a structure, and what cannot hold together."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema import show
-from ema.cli import screen
-from ema.cli.common import Json, Limit, jsonable, made, save_pictures, write_report
+from ema.cli.common import Json, Limit, jsonable, save_pictures, split_formats, status
 from ema.cli.ending import ends_well
 from ema.cli.option_groups import Reporting, grouped
+from ema.messages import checked_language
 
 if TYPE_CHECKING:
     from ema.show.joint_result import JointResult
@@ -32,28 +31,39 @@ def joint(
     json: Json = False,
 ) -> int:
     """Find one friction law for all that was measured or said, and name what it determines and what it contradicts."""
+    from ema.cli import screen
     from ema.compare.joint_law import joint_posterior
     from ema.compare.joint_result import joint_result
     from ema.compare.joint_statements import KIND, load
+    from ema.study.study import make_folder
 
-    wanted = report.checked()
+    wanted, spoken = split_formats(report.formats), checked_language(report.language)
     statements = load(file)
-    folder = made(out or Path("joints") / KIND.locate(file).resolve().parent.name)
+    folder = out or Path("joints") / KIND.locate(file).resolve().parent.name
+    make_folder(folder)
     with screen.Bars() as bars:
         result = joint_result(statements, joint_posterior(statements, seed, bars), file, seed)
-    written = _write(result, folder, *wanted)
+    written = _write(result, folder, wanted, spoken)
     document = _document(result)
-    content = (*_content(document), *result.findings)
-    return screen.answer(jsonable(document), content, result.findings, written, limit=limit, json=json)
+    if json:
+        screen.as_json(jsonable(document | {"written": [str(path) for path in written]}))
+    else:
+        _print(document)
+        screen.show_findings(screen.console(), result.findings)
+        screen.show_written(screen.console(), written)
+    return status(result.findings, limit)
 
 
 def _write(result: "JointResult", folder: Path, formats: Sequence[str], language: str) -> list[Path]:
     """Pictures and report."""
+    from ema import report, show
+
     pictures = {"joint_statements": show.joint_statements(result), "joint_parameters": show.joint_parameters(result)}
     if result.hammer is not None:
         pictures["hammer_readings"] = show.hammer_readings(result)
     written = save_pictures(folder, pictures)
-    return [*written, *write_report(result, folder / "joint", formats, language)]
+    report.write(result, folder / "joint.html", formats, language)
+    return [*written, *(folder / f"joint.{name}" for name in formats)]
 
 
 def _document(result: "JointResult") -> dict[str, Any]:
@@ -117,8 +127,10 @@ def _limit(result: "JointResult") -> dict[str, Any] | None:
     return listed | {"reached": known.reached}
 
 
-def _content(document: dict[str, Any]) -> "Iterator[screen.Content]":
-    """What was found, for people."""
+def _print(document: dict[str, Any]) -> None:
+    from ema.cli import screen
+
+    out = screen.console()
     names = ("parameter", "95 % from", "to", "width / prior", "determined")
     rows: list[Any] = [
         (
@@ -129,14 +141,14 @@ def _content(document: dict[str, Any]) -> "Iterator[screen.Content]":
         )
         for row in document["parameters"]
     ]
-    yield screen.table(names, rows, document["title"], left=names, whole=())
+    out.print(screen.table(names, rows, document["title"], left=names, whole=()))
     names = ("quantity", "95 % from", "to", "probability", "verdict")
     rows = []
     for row in document["statements"]:
         chance = row["probability"]
         values = ("-",) * 3 if chance is None else (f"{row['low']:.4g}", f"{row['high']:.4g}", f"{chance:.2g}")
         rows.append((row["quantity"], *values, row["verdict"]))
-    yield screen.table(names, rows, "What was said, and what all others predict", left=names, whole=())
+    out.print(screen.table(names, rows, "What was said, and what all others predict", left=names, whole=()))
     if document["experiments"]:
         columns = ("measurement", "one joint", "two joints", "decides")
         rows = [
@@ -147,5 +159,6 @@ def _content(document: dict[str, Any]) -> "Iterator[screen.Content]":
             )
             for row in document["experiments"]
         ]
-        yield screen.table(columns, rows, "What would decide between one joint and two", left=columns, whole=())
-    yield document["sentence"]
+        title = "What would decide between one joint and two"
+        out.print(screen.table(columns, rows, title, left=columns, whole=()))
+    out.print(document["sentence"], soft_wrap=True)

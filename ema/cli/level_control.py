@@ -10,11 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-import numpy as np
-
-import acquisition
 from ema.data import Channel, Condition, Excitation, Finding, Recording, Run
-from ema.dof import Dof
 from ema.errors import InputError
 
 if TYPE_CHECKING:
@@ -98,6 +94,8 @@ class Shaker(Protocol):
 
 def placed(record: Recording, rig: "RigFile", point: int) -> Recording:
     """A take whose channels have the DOFs that the rig.toml says."""
+    from ema.dof import Dof
+
     places = {table.name: table.dof.replace("{point}", str(point)) for table in rig.channels}
     return replace(
         record,
@@ -118,11 +116,11 @@ class ShakerAtLevel:
 
     def opened(self) -> "LevelSource":
         """Open the device."""
+        from acquisition import rig_file
+
         virtual = self.rig.rig.device == "virtual"
         shaker = (
-            VirtualShaker(self.rig, self.normal_force or NORMAL_FORCE)
-            if virtual
-            else acquisition.rig_file.open_shaker(self.rig)
+            VirtualShaker(self.rig, self.normal_force or NORMAL_FORCE) if virtual else rig_file.open_shaker(self.rig)
         )
         return LevelSource(self, shaker)
 
@@ -133,10 +131,12 @@ class ShakerAtLevel:
         ------
         InputError : the record holds no stepped sine, or the response is largest at an end of the band.
         """
+        import numpy as np
 
+        from acquisition import rig_file
         from ema.estimate import stepped_test, without_mount_mass
 
-        point, sine = self.rig.take.points[0], acquisition.rig_file.steps(self.rig)
+        point, sine = self.rig.take.points[0], rig_file.steps(self.rig)
         condition = Condition(Excitation("stepped sine", period=sine.stay))
         run = Run("level", condition, (placed(record, self.rig, point),))
         measured, steps = stepped_test(run)
@@ -265,6 +265,8 @@ class VirtualShaker:
         """The steady states at all lines, with the coil of the shaker at ``command`` N."""
         from datetime import UTC, datetime
 
+        import numpy as np
+
         self.count += 1
         rig = self._built(command)
         takes, self.findings = list(rig.takes()), rig.findings
@@ -286,10 +288,12 @@ class VirtualShaker:
     @cached_property
     def _wired(self) -> tuple[tuple[Channel, str], ...]:
         """The channels of the rig.toml, and their DOFs."""
+        from acquisition import rig_file
+
         point = str(self.rig.take.points[0])
         wired = tuple(
             (wire.channel, table.dof.replace("{point}", point))
-            for wire, table in zip(acquisition.rig_file.wires(self.rig), self.rig.channels, strict=True)
+            for wire, table in zip(rig_file.wires(self.rig), self.rig.channels, strict=True)
         )
         for channel, _ in wired:
             if channel.role not in _ROLES:
@@ -299,12 +303,14 @@ class VirtualShaker:
         return wired
 
     def _built(self, command: float) -> "Rig":
+        from acquisition import rig_file
         from ema.datasets import work_table
+        from ema.dof import Dof
         from ema.simulate import FrictionRig, SteppedSine
         from ema.simulate import Shaker as Coil
         from ema.simulate.rig import RingCell
 
-        steps = acquisition.rig_file.steps(self.rig)
+        steps = rig_file.steps(self.rig)
         force = next(dof for channel, dof in self._wired if channel.role == "reference")
         coil = Coil(DAMPING, MOVING_MASS, steps.mount_mass)
         drive = SteppedSine(Dof.parse(force), command, steps.frequencies, steps.stay, shaker=coil)

@@ -1,24 +1,20 @@
 """`ema map`: from a shaker campaign to the map of a mode over excitation and normal force."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import ema
-from ema import show, store
-from ema.cli import screen
 from ema.cli.cluster import Cluster, workers
-from ema.cli.common import Json, Limit, made, save_pictures, write_csv
+from ema.cli.common import Json, Limit, save_pictures, status, write_csv
 from ema.cli.ending import ends_well
 from ema.cli.option_groups import grouped
 from ema.errors import InputError
-from ema.file_names import safe_name
 
 if TYPE_CHECKING:
     from ema.data import AmplitudeDependentMode, MapResult
+    from ema.study import Study
     from ema.study.recipe import MapTable
 
 
@@ -73,11 +69,12 @@ def make_map(
     json: Json = False,
 ) -> int:
     """Follow a mode over excitation and normal force, or over the levels of a stepped sine: table, CSV, pictures."""
+    from ema.cli import screen
     from ema.estimate import amplitude_dependent_mode
-    from ema.study import mapping
-    from ema.study.plain import amplitude_mode, chart
+    from ema.study import Study, mapping
+    from ema.study.plain import amplitude_lines, amplitude_mode, chart
 
-    study = ema.Study.load(campaign)
+    study = Study.load(campaign)
     with screen.Bars() as bars:
         opened = study.open(bars)
     stepped = mapping.stepped_runs(opened, wanted.run or [])
@@ -85,7 +82,10 @@ def make_map(
     estimate = study.recipe.estimate
     if mount_mass is not None:
         estimate = estimate.model_copy(update={"mount_mass": mount_mass})
-    folder = made(out or Path("maps") / campaign.resolve().stem)
+    folder = out or Path("maps") / campaign.resolve().stem
+    from ema.study.study import make_folder
+
+    make_folder(folder)
     with screen.Bars() as bars, workers(cluster, 1) as executor:
         results = [study.mapped(opened, table, estimate, bars, executor) for table in tables]
     modes = [amplitude_dependent_mode(one.levels, name=one.id, condition=one.condition) for one in stepped]
@@ -93,16 +93,25 @@ def make_map(
     written += [path for mode in modes for path in _write_mode(folder, mode)]
     findings = [finding for result in results for finding in result.findings]
     findings += [finding for mode in modes for finding in mode.findings]
-    document = {
-        "maps": [chart(result) for result in results],
-        "levels": {mode.name: amplitude_mode(mode) for mode in modes},
-    }
-    content = (part for parts in (*map(_content, results), *map(_content_of_mode, modes)) for part in parts)
-    return screen.answer(document, content, findings, written, limit=limit, json=json)
+    if json:
+        levels = {mode.name: amplitude_mode(mode) for mode in modes}
+        maps = {"maps": [chart(result) for result in results], "levels": levels}
+        screen.as_json(maps | {"written": [str(path) for path in written]})
+    else:
+        for result in results:
+            _print(result)
+        for mode in modes:
+            screen.console().print(f"{mode.name}, controlled: {mode.control}")
+            for line in amplitude_lines(mode):
+                screen.console().print(f"  {line}")
+            screen.show_findings(screen.console(), mode.findings)
+        screen.show_written(screen.console(), written)
+    return status(findings, limit)
 
 
 def _write(folder: Path, result: "MapResult") -> list[Path]:
     """Store, CSV and pictures of one map."""
+    from ema import show, store
     from ema.study.plain import points
 
     stem = "".join(c if c.isalnum() else "_" for c in result.name)
@@ -120,6 +129,8 @@ def _write(folder: Path, result: "MapResult") -> list[Path]:
 
 def _write_mode(folder: Path, mode: "AmplitudeDependentMode") -> list[Path]:
     """Store, CSV and picture of a mode over its amplitude."""
+    from ema import show, store
+    from ema.file_names import safe_name
 
     stem = safe_name(mode.name)
     written = [folder / f"{stem}.h5", folder / f"{stem}.csv"]
@@ -132,23 +143,16 @@ def _write_mode(folder: Path, mode: "AmplitudeDependentMode") -> list[Path]:
     return [*written, *save_pictures(folder, {f"{stem}_amplitude": show.amplitude_modes([mode])})]
 
 
-def _content(result: "MapResult") -> "Iterator[screen.Content]":
-    """Damping over normal force (across) and excitation (down), and the findings."""
-    chart = result.chart
+def _print(result: "MapResult") -> None:
+    """Damping over normal force (across) and excitation (down), and what was noticed."""
+    from ema.cli import screen
+
+    out, chart = screen.console(), result.chart
     for values, title, digits in (
         (100 * chart.damping, "damping [%]", ".2f"),
         (chart.frequency, "frequency [Hz]", ".1f"),
     ):
         names = ["F_E [N]", *(f"F_N {force:.5g} N" for force in chart.normal_forces)]
         rows = [(f"{level:.3g}", *row) for level, row in zip(chart.force_levels, values, strict=True)]
-        yield screen.table(names, rows, f"{result.name}: {title}", whole=(), digits=digits)
-    yield from result.findings
-
-
-def _content_of_mode(mode: "AmplitudeDependentMode") -> "Iterator[screen.Content]":
-    """The levels of a mode, and its findings."""
-    from ema.study.plain import amplitude_lines
-
-    yield f"{mode.name}, controlled: {mode.control}"
-    yield from (f"  {line}" for line in amplitude_lines(mode))
-    yield from mode.findings
+        out.print(screen.table(names, rows, f"{result.name}: {title}", whole=(), digits=digits))
+    screen.show_findings(out, result.findings)

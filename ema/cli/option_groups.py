@@ -1,7 +1,7 @@
 """Options that belong together: a command takes them as one object, and its help lists them one by one."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from inspect import Parameter, Signature, signature
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from ema.cli.cluster import Cluster
-from ema.cli.common import Formats, Jobs, Language, split_formats
-from ema.messages import checked_language
+from ema.cli.common import Formats, Jobs, Language
 
 if TYPE_CHECKING:
     from ema.study import Study
@@ -79,16 +78,6 @@ class Reporting:
 
     formats: Formats = "html"
     language: Language = "en"
-
-    def checked(self) -> tuple[Sequence[str], str]:
-        """Formats and language, checked before any work.
-
-        Raises
-        ------
-        InputError : there is no such format, or no such language.
-        MissingExtraError : a format needs a package that is not installed.
-        """
-        return split_formats(self.formats), checked_language(self.language)
 
 
 @dataclass(frozen=True)

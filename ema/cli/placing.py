@@ -1,17 +1,16 @@
 """`ema place`: a recipe on a campaign, modes or a model -> places, pictures, a report."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ema import show, store
-from ema.cli import screen
 from ema.cli.cluster import workers
-from ema.cli.common import Json, Limit, made, records, save_pictures, write_report
+from ema.cli.common import Json, Limit, records, save_pictures, split_formats, status
 from ema.cli.ending import ends_well
 from ema.cli.option_groups import Reporting, Work, grouped
+from ema.messages import checked_language
 
 if TYPE_CHECKING:
     from ema.data import ModalModel
@@ -41,21 +40,27 @@ def place(
     json: Json = False,
 ) -> int:
     """Where a friction beam goes, and how hard to press it."""
+    from ema.cli import screen
     from ema.study.placement import placed
     from ema.study.placement_inputs import placement_source
+    from ema.study.study import make_folder
 
-    wanted = report.checked()
-    inputs = placement_source(source, recipe)
-    folder = made(output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement")
+    wanted, spoken = split_formats(report.formats), checked_language(report.language)
+    asked = placement_source(source, recipe)
+    folder = output or (recipe or source).parent / "_build" / f"{_stem(recipe or source)}_placement"
+    make_folder(folder)
     with screen.Bars() as bars:
-        task = inputs.task(bars)
+        task = asked.task(bars)
         with workers(work.cluster, work.jobs or 1) as executor:
             placement, together = placed(task, folder / "checked", work.resume, executor, bars, anyway=anyway)
-    written = _write(placement, folder, *wanted)
+    written = _write(placement, folder, wanted, spoken)
     if together is not None:
         written += _write_together(together, task.modes, folder)
-    document = _as_mapping(placement) | {"together": _chosen(placement, together, task.modes)}
-    return screen.answer(document, _content(placement), placement.all_findings, written, limit=limit, json=json)
+    if json:
+        screen.as_json(_as_mapping(placement, written) | {"together": _chosen(placement, together, task.modes)})
+    else:
+        _show(placement, written)
+    return status(placement.all_findings, limit)
 
 
 def _stem(path: Path) -> str:
@@ -64,6 +69,7 @@ def _stem(path: Path) -> str:
 
 def _write(found: "Placement", folder: Path, formats: Sequence[str], language: str) -> list[Path]:
     """Store, pictures and report."""
+    from ema import report, show, store
     from ema.place.beams_choice import chosen_candidates
 
     written = [folder / "placement.h5"]
@@ -73,11 +79,13 @@ def _write(found: "Placement", folder: Path, formats: Sequence[str], language: s
     if found.control is not None:
         pictures["control"] = show.control_gain(found.control)
     written += save_pictures(folder, pictures)
-    return [*written, *write_report(found, folder / "placement", formats, language)]
+    report.write(found, folder / "placement.html", formats, language)
+    return [*written, *(folder / f"placement.{name}" for name in formats)]
 
 
 def _write_together(together: "BeamsForecast", modes: "ModalModel", folder: Path) -> list[Path]:
-    """The forecast of several beams, as `ema predict --together` stores it, and its picture."""
+    """The forecast of several beams and its picture."""
+    from ema import show
     from ema.study.placement import save_together
 
     path = folder / "placement_together.h5"
@@ -94,7 +102,7 @@ def _chosen(found: "Placement", together: "BeamsForecast | None", modes: "ModalM
     return None if choice is None else mapping_of_choice(choice, together, modes)
 
 
-def _as_mapping(found: "Placement") -> dict[str, Any]:
+def _as_mapping(found: "Placement", written: list[Path]) -> dict[str, Any]:
     from ema.report.placement import answer
     from ema.report.trials import proposal
     from ema.study.plain import finding
@@ -111,20 +119,26 @@ def _as_mapping(found: "Placement") -> dict[str, Any]:
         "trials": [] if found.trials is None else records(found.trials.table()),
         "control": None if found.control is None else found.control.verdict,
         "findings": [finding(one) for one in found.all_findings],
+        "written": [str(path) for path in written],
     }
 
 
-def _content(found: "Placement") -> "Iterator[screen.Content]":
-    """The places, the answer, and findings."""
+def _show(found: "Placement", written: list[Path]) -> None:
+    """Print the places, the answer, findings and files."""
+    from ema.cli import screen
     from ema.report.placement import answer
     from ema.report.trials import proposal
 
+    out = screen.console()
     if found.warning:
-        yield screen.styled(found.warning, "bold red")
+        out.print(found.warning, style="bold red", soft_wrap=True)
     frame = found.ranking.table().reset_index()
     title = f"{found.title}: {found.ranking.objective}"
-    yield screen.table(frame.columns, frame.itertuples(index=False), title, whole=())
-    yield answer(found)
-    yield from () if found.trials is None else (proposal(found.trials),)
-    yield from () if found.control is None else (found.control.verdict,)
-    yield from found.all_findings
+    out.print(screen.table(frame.columns, frame.itertuples(index=False), title, whole=()))
+    out.print(answer(found), soft_wrap=True)
+    if found.trials is not None:
+        out.print(proposal(found.trials), soft_wrap=True)
+    if found.control is not None:
+        out.print(found.control.verdict, soft_wrap=True)
+    screen.show_findings(out, found.all_findings)
+    screen.show_written(out, written)

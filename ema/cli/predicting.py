@@ -2,20 +2,20 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ema import show, store
-from ema.cli.common import Json, Limit, in_si
+from ema.cli.common import Json, Limit, status
 from ema.cli.ending import ends_well
 from ema.cli.option_groups import grouped
 from ema.cli.predicting_levels import of_levels
 from ema.cli.predicting_location import FromPlacement, of_locations
 from ema.cli.prediction_request import FromLevels, Wanted
-from ema.data import MapComparison, ModalMap, ModelUpdate
 from ema.errors import InputError
-from ema.file_names import safe_name
+
+if TYPE_CHECKING:
+    from ema.data import ModalMap, ModelUpdate
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,11 @@ def predict(
 def _of_map(wanted: Wanted, model: Path, force: list[str], normal_force: list[str]) -> int:
     """Predict at forces from a map and the model that was updated by it."""
     from acquisition import model_file
+    from acquisition.quantities import measure
+    from ema import show
+    from ema.cli import screen
     from ema.compare import predict_map
+    from ema.file_names import safe_name
     from ema.study.plain import map_lines, map_prediction
 
     update, chart = _updated(wanted.measured)
@@ -95,15 +99,22 @@ def _of_map(wanted: Wanted, model: Path, force: list[str], normal_force: list[st
             expected="at, output and band",
             advice="give the file that the model was updated from",
         )
-    levels, forces = (sorted(in_si(text, "force") for text in each) for each in (force, normal_force))
+    levels, forces = (sorted(float(measure(text, "force")[0]) for text in each) for each in (force, normal_force))
     band = table.band[0], table.band[1]
     predicted = predict_map(update, chart, levels, forces, at=table.at, output=table.output or table.at, band=band)
     stem = safe_name(chart.name or "map")
     pictures = {f"{stem}_prediction": show.map_prediction(predicted, chart)}
     written = wanted.written(stem, {"prediction": predicted, "map": chart, "update": update}, pictures)
-    head = f"{predicted.name}: medians and 95 % bands, which contain {predicted.contains}."
-    lines = (head, *map_lines(predicted), predicted.statement)
-    return wanted.answered(map_prediction(predicted), lines, predicted.findings, written)
+    if wanted.json:
+        screen.as_json(map_prediction(predicted) | {"written": [str(path) for path in written]})
+        return status(list(predicted.findings), wanted.limit)
+    out = screen.console()
+    lines = [f"{predicted.name}: medians and 95 % bands, which contain {predicted.contains}.", *map_lines(predicted)]
+    for line in (*lines, predicted.statement):
+        out.print(line, soft_wrap=True)
+    screen.show_findings(out, predicted.findings)
+    screen.show_written(out, written)
+    return status(list(predicted.findings), wanted.limit)
 
 
 def _updated(path: Path) -> "tuple[ModelUpdate, ModalMap]":
@@ -113,6 +124,8 @@ def _updated(path: Path) -> "tuple[ModelUpdate, ModalMap]":
     ------
     InputError : the file does not hold both.
     """
+    from ema import store
+    from ema.data import MapComparison, ModelUpdate
     from ema.store.reading import containers
 
     items = containers(path) if path.is_file() and store.is_store(path) else []

@@ -1,6 +1,6 @@
 """`ema predict` from stepped levels, or from draws that were kept: at amplitudes, and under forces."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
@@ -8,29 +8,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import ema
-from ema import compare, show, store
-from ema.cli.common import in_si, write_csv
-from ema.data import (
-    AmplitudeDependentMode,
-    AmplitudeDraws,
-    AmplitudePrediction,
-    Finding,
-    ForcedResonances,
-    ForcedResponse,
-)
+from ema.cli.common import status, write_csv
 from ema.errors import InputError
-from ema.file_names import safe_name
 
 if TYPE_CHECKING:
     from ema.cli.prediction_request import FromLevels, Wanted
+    from ema.data import (
+        AmplitudeDependentMode,
+        AmplitudeDraws,
+        AmplitudePrediction,
+        Finding,
+        ForcedResonances,
+        ForcedResponse,
+    )
 
 
 def of_levels(wanted: "Wanted", asked: "FromLevels", force: Sequence[str]) -> int:
     """Predict at amplitudes, and under forces, from stepped levels or from draws that were kept."""
+    from ema.cli import screen
+
     source = _source(wanted.measured, asked)
-    amplitudes = sorted(_amplitude(text, source.quantity) for text in asked.amplitude or ())
-    forces = sorted(in_si(text, "force") for text in force)
+    amplitudes = sorted(_in_si(text, source.quantity) for text in asked.amplitude or ())
+    forces = sorted(_force(text) for text in force)
     draws = source.draws(forces)
     at = source.predicted(draws, amplitudes) if amplitudes else None
     under = _under(draws, forces) if draws is not None and forces else None
@@ -38,7 +37,12 @@ def of_levels(wanted: "Wanted", asked: "FromLevels", force: Sequence[str]) -> in
     findings = [*(at.findings if at is not None else source.findings), *(under.findings if under is not None else ())]
     findings = list({(one.code, one.where, one.message): one for one in findings}.values())
     tested = source.tested(at)
-    return wanted.answered(_plain(at, under, tested), _lines(at, under, tested), findings, written)
+    if wanted.json:
+        screen.as_json(_plain(at, under, tested) | {"written": [str(path) for path in written]})
+    else:
+        _print(at, under, tested, findings)
+        screen.show_written(screen.console(), written)
+    return status(findings, wanted.limit)
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,8 @@ class _Source:
 
     def draws(self, forces: list[float]) -> "AmplitudeDraws | None":
         """Draws over the amplitude: those kept, or new ones. None where no law reaches as far and no force is asked."""
+        from ema.compare import amplitude_draws
+
         if self.kept is not None:
             if self.modal_mass is None:
                 return self.kept
@@ -87,7 +93,7 @@ class _Source:
                 advice="give --modal-mass '2 kg': 1 over the modal constant of the FRF from the force to the response",
             )
         try:
-            return compare.amplitude_draws(self.fitted, modal_mass=self.modal_mass)
+            return amplitude_draws(self.fitted, modal_mass=self.modal_mass)
         except InputError:
             if forces:
                 raise
@@ -95,17 +101,21 @@ class _Source:
 
     def predicted(self, draws: "AmplitudeDraws | None", amplitudes: list[float]) -> "AmplitudePrediction":
         """Frequency and damping at amplitudes."""
+        from ema.compare import predict_amplitudes, predict_from_draws
+
         if self.kept is not None and draws is not None:
-            return compare.predict_from_draws(draws, amplitudes)
+            return predict_from_draws(draws, amplitudes)
         assert self.fitted is not None
-        prediction = compare.predict_amplitudes(self.fitted, amplitudes)
-        return replace(prediction, findings=(*self.findings, *prediction.findings))
+        found = predict_amplitudes(self.fitted, amplitudes)
+        return replace(found, findings=(*self.findings, *found.findings))
 
     def tested(self, at: "AmplitudePrediction | None") -> tuple[int, int] | None:
         """Levels held out that lie inside the bands, and how many there are; None where none was held out."""
+        from ema.compare import confirmed
+
         if not self.up_to or self.mode is None:
             return None
-        return (0, 0) if at is None else compare.confirmed(at, self.mode)
+        return (0, 0) if at is None else confirmed(at, self.mode)
 
 
 @dataclass(frozen=True)
@@ -123,9 +133,9 @@ class _Under:
 
 def _under(draws: "AmplitudeDraws", forces: list[float]) -> _Under:
     """Resonances and responses at forces."""
-    return _Under(
-        compare.forced_resonances(draws, forces), tuple(compare.forced_response(draws, force) for force in forces)
-    )
+    from ema.compare import forced_resonances, forced_response
+
+    return _Under(forced_resonances(draws, forces), tuple(forced_response(draws, force) for force in forces))
 
 
 def _written(
@@ -136,6 +146,9 @@ def _written(
     under: _Under | None,
 ) -> list[Path]:
     """The files of a prediction: all in one file, a picture of each kind, and a table of each response."""
+    from ema import show
+    from ema.compare import force_surface
+    from ema.file_names import safe_name
     from ema.report.prediction_tables import RESPONSE_COLUMNS, response_rows
 
     contents: dict[str, Any] = {"mode": source.fitted, "draws": draws, "prediction": at}
@@ -146,7 +159,7 @@ def _written(
     if at is not None:
         figures[f"{stem}_prediction"] = show.amplitude_modes([source.mode] if source.mode else [], [at])
     if draws is not None and under is not None:
-        surface = compare.force_surface(draws)
+        surface = force_surface(draws)
         contents |= {"resonances": under.resonances, "surface": surface}
         contents |= {f"response_{n + 1}": response for n, response in enumerate(under.responses)}
         figures[f"{stem}_responses"] = show.forced_responses(under.responses)
@@ -176,7 +189,9 @@ def _source(path: Path, asked: "FromLevels") -> _Source:
     ------
     InputError : the path holds neither levels nor draws, or draws are to be cut by --up-to.
     """
-    mass = in_si(asked.modal_mass, "mass") if asked.modal_mass else None
+    from acquisition.quantities import measure
+
+    mass = float(measure(asked.modal_mass, "mass")[0]) if asked.modal_mass else None
     kept = _kept(path)
     if kept is not None:
         if asked.up_to or asked.run:
@@ -193,6 +208,8 @@ def _source(path: Path, asked: "FromLevels") -> _Source:
 
 def _kept(path: Path) -> "tuple[AmplitudeDependentMode | None, AmplitudeDraws] | None":
     """Levels and draws of an earlier prediction; None where the file is none."""
+    from ema import store
+    from ema.data import AmplitudeDependentMode, AmplitudeDraws
     from ema.store.reading import containers
 
     if not (path.is_file() and store.is_store(path)):
@@ -206,6 +223,18 @@ def _kept(path: Path) -> "tuple[AmplitudeDependentMode | None, AmplitudeDraws] |
     return next((mode for mode in modes if np.array_equal(mode.amplitude, draws[0].levels)), None), draws[0]
 
 
+def _force(text: str) -> float:
+    """A force with its unit in N.
+
+    Raises
+    ------
+    UnitError : no unit, or that of another quantity.
+    """
+    from acquisition.quantities import measure
+
+    return float(measure(text, "force")[0])
+
+
 def _fitted(mode: "AmplitudeDependentMode", up_to: str) -> "AmplitudeDependentMode":
     """The levels up to an amplitude.
 
@@ -213,7 +242,7 @@ def _fitted(mode: "AmplitudeDependentMode", up_to: str) -> "AmplitudeDependentMo
     ------
     InputError : fewer than two of them, or all.
     """
-    count = int((mode.amplitude <= _amplitude(up_to, mode.quantity) * 1.01).sum())
+    count = int((mode.amplitude <= _in_si(up_to, mode.quantity) * 1.01).sum())
     if 2 <= count < len(mode.amplitude):
         return mode.lowest(count)
     from ema.units import SI_UNIT
@@ -228,17 +257,19 @@ def _fitted(mode: "AmplitudeDependentMode", up_to: str) -> "AmplitudeDependentMo
     )
 
 
-def _amplitude(text: str, quantity: str) -> float:
+def _in_si(text: str, quantity: str) -> float:
     """An amplitude with its unit, in SI.
 
     Raises
     ------
     InputError : no unit, or that of another quantity.
     """
+    from acquisition.quantities import measure
+
     try:
         float(text)
     except ValueError:
-        return in_si(text, quantity)
+        return float(measure(text, quantity)[0])
     raise InputError(
         "an amplitude without a unit",
         got=text,
@@ -254,8 +285,10 @@ def _mode(path: Path, run: str) -> "AmplitudeDependentMode":
     ------
     InputError : there is none, or several and none is named.
     """
+    from ema import store
+    from ema.data import AmplitudeDependentMode
     from ema.estimate import amplitude_dependent_mode
-    from ema.study import mapping
+    from ema.study import Study, mapping
 
     if path.is_file() and store.is_store(path):
         loaded = store.load(path)
@@ -267,7 +300,7 @@ def _mode(path: Path, run: str) -> "AmplitudeDependentMode":
             got=type(loaded).__name__,
             expected="what `ema map` writes for stepped levels",
         )
-    every = mapping.stepped_runs(ema.Study.load(path).open(), [])
+    every = mapping.stepped_runs(Study.load(path).open(), [])
     runs = [one for one in every if not run or fnmatch(one.id, run)]
     if len(runs) != 1:
         raise InputError(
@@ -280,24 +313,41 @@ def _mode(path: Path, run: str) -> "AmplitudeDependentMode":
     return amplitude_dependent_mode(runs[0].levels, name=runs[0].id, condition=runs[0].condition)
 
 
-def _lines(at: "AmplitudePrediction | None", under: _Under | None, tested: tuple[int, int] | None) -> "Iterator[str]":
+def _print(
+    at: "AmplitudePrediction | None",
+    under: _Under | None,
+    tested: tuple[int, int] | None,
+    findings: "Sequence[Finding]",
+) -> None:
     """What was predicted, for people."""
+    from ema.cli import screen
     from ema.study.plain import amplitude_lines
     from ema.study.plain_forced import resonance_lines
 
+    out = screen.console()
+
+    def say(text: str) -> None:
+        out.print(text, soft_wrap=True)
+
     if at is not None:
-        yield f"{at.name or 'The mode'}: medians and 95 % bands, which contain {at.damping.contains}."
-        yield from (f"  {line}" for line in amplitude_lines(at))
-        yield from (at.statement, *_laws(at))
+        say(f"{at.name or 'The mode'}: medians and 95 % bands, which contain {at.damping.contains}.")
+        for line in amplitude_lines(at):
+            say(f"  {line}")
+        for line in (at.statement, *_laws(at)):
+            say(line)
     if under is not None:
-        name, contains = under.resonances.name or "The mode", under.resonances.damping.contains
-        yield f"{name}, under forces: medians and 95 % bands, which contain {contains}."
-        yield from (f"  {line}" for line in resonance_lines(under.resonances))
-        yield under.resonances.statement
+        found = under.resonances
+        say(
+            f"{found.name or 'The mode'}, under forces: medians and 95 % bands, which contain {found.damping.contains}."
+        )
+        for line in resonance_lines(found):
+            say(f"  {line}")
+        say(found.statement)
     if tested is not None and not tested[1]:
-        yield "No level that was held out has one of these amplitudes: nothing confirms the prediction."
+        say("No level that was held out has one of these amplitudes: nothing confirms the prediction.")
     elif tested is not None:
-        yield f"Confirmed by held-out levels: {tested[0]} of {tested[1]} inside the bands of frequency and damping."
+        say(f"Confirmed by held-out levels: {tested[0]} of {tested[1]} inside the bands of frequency and damping.")
+    screen.show_findings(out, findings)
 
 
 def _laws(at: "AmplitudePrediction") -> list[str]:

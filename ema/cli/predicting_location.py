@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ema import show
-from ema.cli import screen
-from ema.cli.common import in_si, write_csv
+from ema.cli.common import status, write_csv
 from ema.errors import InputError
-from ema.file_names import safe_name
 
 if TYPE_CHECKING:
     from ema.cli.prediction_request import Wanted
     from ema.data import Finding, Forecast, ModalModel
-    from ema.place import BeamsForecast, Location
+    from ema.place import Location
 
 
 @dataclass(frozen=True)
@@ -51,12 +48,15 @@ class FromPlacement:
 
 def of_locations(wanted: "Wanted", asked: FromPlacement, force: Sequence[str], normal_force: Sequence[str]) -> int:
     """Predict what beams at named locations do: each alone, under every excitation and normal force, or together."""
-    levels, forces = ([in_si(text, "force") for text in each] for each in (force, normal_force))
+    from acquisition.quantities import measure
+
+    levels, forces = ([float(measure(text, "force")[0]) for text in each] for each in (force, normal_force))
     return (_together if asked.together else _each_alone)(wanted, asked, levels, forces)
 
 
 def _each_alone(wanted: "Wanted", asked: FromPlacement, levels: Sequence[float], forces: Sequence[float]) -> int:
     """Predict what each beam does at each location, with no other beam on the structure."""
+    from ema.cli import screen
     from ema.study.placement_inputs import forecasts_at, placement_source
     from ema.study.plain_forecast import mapping
 
@@ -68,12 +68,17 @@ def _each_alone(wanted: "Wanted", asked: FromPlacement, levels: Sequence[float],
     forecasts = [one.forecast for one in results]
     written = _written(wanted, forecasts, task.modes)
     findings = list({(one.code, one.where, one.message): one for each in forecasts for one in each.findings}.values())
-    lines = _with_range(_sentences(forecasts, task.modes), findings)
-    return wanted.answered({"forecasts": mapping(forecasts, task.modes)}, lines, findings, written)
+    if wanted.json:
+        screen.as_json({"forecasts": mapping(forecasts, task.modes), "written": [str(path) for path in written]})
+        return status(findings, wanted.limit)
+    return _shown(wanted, _sentences(forecasts, task.modes), findings, written)
 
 
 def _together(wanted: "Wanted", asked: FromPlacement, levels: Sequence[float], forces: Sequence[float]) -> int:
     """Predict what all beams do at the same time."""
+    from ema import show
+    from ema.cli import screen
+    from ema.file_names import safe_name
     from ema.study import plain_forecast
     from ema.study.placement_inputs import forecasts_at, placement_source
 
@@ -90,24 +95,28 @@ def _together(wanted: "Wanted", asked: FromPlacement, levels: Sequence[float], f
     written.append(wanted.folder / f"{stem}_prediction.csv")
     columns = plain_forecast.columns_together(len(locations))
     write_csv(written[-1], columns, plain_forecast.rows_together(result, task.modes))
-    document = {"together": plain_forecast.mapping_together(result, task.modes)}
-    lines = _with_range(sentences_together(result, task.modes), forecast.findings)
-    return wanted.answered(document, lines, forecast.findings, written)
+    if wanted.json:
+        answer = {"together": plain_forecast.mapping_together(result, task.modes)}
+        screen.as_json(answer | {"written": [str(path) for path in written]})
+        return status(list(forecast.findings), wanted.limit)
+    reading = plain_forecast.READINGS[forecast.method]
+    lines = [f"{forecast.beam}: 95 % bands from {forecast.draws} draws; {reading}."]
+    lines += [f"  {line}" for line in plain_forecast.lines_together(result, task.modes)]
+    return _shown(wanted, lines, list(forecast.findings), written)
 
 
-def sentences_together(together: "BeamsForecast", bare: "ModalModel") -> list[str]:
-    """What is predicted of several beams at the same time, for people."""
-    from ema.study.plain_forecast import READINGS, lines_together
+def _shown(wanted: "Wanted", lines: Sequence[str], findings: "list[Finding]", written: Sequence[Path]) -> int:
+    """Print what is predicted, findings and files; the exit status."""
+    from ema.cli import screen
 
-    forecast = together.forecast
-    first = f"{forecast.beam}: 95 % bands from {forecast.draws} draws; {READINGS[forecast.method]}."
-    return [first, *(f"  {line}" for line in lines_together(together, bare))]
-
-
-def _with_range(lines: "Sequence[str]", findings: "Sequence[Finding]") -> "Sequence[str]":
-    """The lines, and a line more where the forces lie within the ranges of the recipe."""
-    outside = any(finding.code == "outside-recipe" for finding in findings)
-    return lines if outside else [*lines, "F_E and F_N lie within the ranges of the recipe."]
+    out = screen.console()
+    for line in lines:
+        out.print(line, soft_wrap=True)
+    if not any(finding.code == "outside-recipe" for finding in findings):
+        out.print("F_E and F_N lie within the ranges of the recipe.", soft_wrap=True)
+    screen.show_findings(out, findings)
+    screen.show_written(out, list(written))
+    return status(findings, wanted.limit)
 
 
 def _one_each(places: Sequence[str], beams: Sequence[str]) -> "list[Location]":
@@ -148,6 +157,7 @@ def _location(text: str, beam: str) -> "Location":
     InputError : not two coordinates and an angle.
     UnitError : one of them without its unit, or with that of another quantity.
     """
+    from acquisition.quantities import measure
     from ema.place import Location
 
     parts = [part.strip() for part in text.split(",")]
@@ -158,12 +168,14 @@ def _location(text: str, beam: str) -> "Location":
             got=repr(text),
             expected="two coordinates and an angle such as '0.45 m, 0.25 m, 90 deg'",
         )
-    x, y = (in_si(part, "displacement") for part in parts[:2])
-    return Location(centre=(x, y), angle=in_si(parts[2], "rotation"), beam=beam)
+    x, y = (float(measure(part, "displacement")[0]) for part in parts[:2])
+    return Location(centre=(x, y), angle=float(measure(parts[2], "rotation")[0]), beam=beam)
 
 
 def _written(wanted: "Wanted", forecasts: "Sequence[Forecast]", bare: "ModalModel") -> list[Path]:
     """The files: modes without the beam and forecasts in one, a picture of each forecast, and a table of all."""
+    from ema import show
+    from ema.file_names import safe_name
     from ema.report.prediction_tables import FORECAST_COLUMNS, forecast_rows
 
     stem = safe_name(wanted.measured.resolve().stem)

@@ -1,19 +1,16 @@
 """What `ema predict` is asked for: options of stepped levels, and where its answer is written."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ema import store
-from ema.cli.common import made, save_pictures
+from ema.cli.common import save_pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from ema.data import Finding
 
 
 @dataclass(frozen=True)
@@ -48,19 +45,10 @@ class Wanted:
 
     def written(self, stem: str, contents: "Mapping[str, object]", pictures: "Mapping[str, Figure]") -> list[Path]:
         """The files of a prediction."""
-        made(self.folder)
+        from ema import store
+        from ema.study.study import make_folder
+
+        make_folder(self.folder)
         first = self.folder / f"{stem}_prediction.h5"
         store.save(first, contents)
         return [first, *save_pictures(self.folder, pictures)]
-
-    def answered(
-        self,
-        document: Mapping[str, Any],
-        lines: "Iterable[str]",
-        findings: "Sequence[Finding]",
-        written: Sequence[Path],
-    ) -> int:
-        """Print the prediction; the exit status."""
-        from ema.cli import screen
-
-        return screen.answer(document, (*lines, *findings), findings, written, limit=self.limit, json=self.json)

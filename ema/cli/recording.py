@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-import acquisition
 from ema.cli.ending import FINDINGS, FINE, ends_well
 from ema.cli.level_control import LevelSource, ShakerAtLevel, off_normal_force, placed
 from ema.cli.option_groups import grouped
-from ema.data import Channel, Condition, Excitation, Finding, FrfSet, Recording, Run, Source
+from ema.data import Channel, Finding, FrfSet, Recording, Run, Source
 from ema.errors import EmaError, FailureError, InputError
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ def record(
     ] = False,
 ) -> int:
     """Measure a hammer or shaker test: a take is judged and on disk before the next; the same command goes on."""
-    from acquisition import Session
+    from acquisition import Session, rig_file
     from ema.estimate import check_impact
 
     if folder is None and not demo:
@@ -89,9 +88,9 @@ def record(
     folder = folder or DEMONSTRATION
     if demo:
         _write_rig(folder)
-    rig = acquisition.rig_file.load(folder)
-    target = acquisition.rig_file.force_level(rig, level, folder)
-    pressing = acquisition.rig_file.normal_force(rig, normal_force, folder)
+    rig = rig_file.load(folder)
+    target = rig_file.force_level(rig, level, folder)
+    pressing = rig_file.normal_force(rig, normal_force, folder)
     shaker = None if target is None else ShakerAtLevel(rig, target, pressing)
 
     def judge(record: Recording) -> tuple[Finding, ...]:
@@ -156,7 +155,9 @@ def _next(session: "Session", accepted: int, reasons: "Counter[str]") -> str:
 
 def opened(rig: "RigFile", session: "Session") -> Source:
     """The rig: a real one, or the virtual work table struck where the session wants it."""
-    return VirtualHammer(rig, session) if rig.rig.device == "virtual" else acquisition.rig_file.open_rig(rig)
+    from acquisition import rig_file
+
+    return VirtualHammer(rig, session) if rig.rig.device == "virtual" else rig_file.open_rig(rig)
 
 
 def _write_rig(folder: Path) -> None:
@@ -267,6 +268,7 @@ def averaged(session: "Session", take: "Take") -> FrfSet | None:
     ------
     EmaError : the takes make no FRF.
     """
+    from ema.data import Condition, Excitation
     from ema.estimate import hammer
 
     records = [] if session.rig.shaker else session.recordings(take.point)
@@ -320,13 +322,14 @@ class VirtualHammer:
 
     @cached_property
     def _table(self) -> "VirtualRig":
+        from acquisition import rig_file
         from ema.datasets import table
         from ema.dof import Dof
         from ema.simulate import RovingHammer, VirtualRig
         from ema.simulate.rig import RingCell
 
         tables = self.rig.channels
-        wired = [wire.channel for wire in acquisition.rig_file.wires(self.rig)]
+        wired = [wire.channel for wire in rig_file.wires(self.rig)]
         responses = tuple(
             replace(channel, dof=Dof.parse(table.dof))
             for channel, table in zip(wired, tables, strict=True)

@@ -2,37 +2,31 @@
 
 import json
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
-from ema.cli.common import status
 from ema.data import ConditionDifference, Finding, ModalModel, RepeatGroup, RunResult, StudyResult
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
     from ema.fit.opinion import SecondOpinion
 
-Content: TypeAlias = "str | Text | Table | Finding"
-"""What a command prints: a line, a line in a style, a table or a finding."""
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "dim"}
 _PLAIN_WIDTH = 160
 """Characters of a line where the output is no terminal."""
 
 
-def console() -> "Console":
+def console() -> Console:
     """The standard output; wide where nobody watches, so that tables in files and pipes are whole.
 
     Names and texts are those of people: square brackets and colons in them are no markup.
     """
-    from rich.console import Console
-
     return Console(highlight=False, markup=False, emoji=False, width=None if sys.stdout.isatty() else _PLAIN_WIDTH)
 
 
@@ -45,9 +39,6 @@ class Bars:
     """Progress bars on the error stream, gone when the work is done; none where nobody watches."""
 
     def __init__(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
         stream = Console(stderr=True, highlight=False, markup=False, emoji=False)
         self._progress = Progress(
             SpinnerColumn(),
@@ -83,7 +74,7 @@ class Bars:
         self._progress.console.print(sentence, soft_wrap=True)
 
 
-def show_result(out: "Console", result: StudyResult, report: Path) -> None:
+def show_result(out: Console, result: StudyResult, report: Path) -> None:
     """The end of the main job: modes, findings, expectations, and where the report is."""
     for run in result.runs:
         out.print(mode_table(run.modes, run.run.id, run))
@@ -100,7 +91,7 @@ def show_result(out: "Console", result: StudyResult, report: Path) -> None:
     out.print(f"Report: {report}")
 
 
-def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -> "Table":
+def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -> Table:
     """Frequencies and damping with their standard deviations, MPC where there is one, normal force per joint."""
     columns: dict[str, Sequence[str]] = {
         "mode": [str(mode + 1) for mode in range(len(model.poles))],
@@ -121,7 +112,7 @@ def mode_table(model: ModalModel, title: str, result: RunResult | None = None) -
     return _table(f"{title}: {len(model.poles)} modes", columns)
 
 
-def show_conditions(out: "Console", result: StudyResult) -> None:
+def show_conditions(out: Console, result: StudyResult) -> None:
     """Repeats of each condition, and which changes between conditions they make significant."""
     from ema.compare.scatter import difference_sentences
 
@@ -135,7 +126,7 @@ def show_conditions(out: "Console", result: StudyResult) -> None:
         out.print(sentence, soft_wrap=True)
 
 
-def _repeat_table(group: RepeatGroup) -> "Table":
+def _repeat_table(group: RepeatGroup) -> Table:
     """Means with half their 95 % interval; standard deviations by noise and between assemblies."""
     title = f"{group.label}: {', '.join(group.runs)}: {group.basis}; noise within a run, scatter between assemblies"
     columns: dict[str, Sequence[str]] = {
@@ -152,7 +143,7 @@ def _repeat_table(group: RepeatGroup) -> "Table":
     return _table(title, columns)
 
 
-def _difference_table(found: ConditionDifference) -> "Table":
+def _difference_table(found: ConditionDifference) -> Table:
     """Changes of frequency and damping with half their 95 % interval."""
     columns: dict[str, Sequence[str]] = {
         "f [Hz]": [f"{value:.3f}" for value in found.frequency[:, 0]],
@@ -171,7 +162,7 @@ def _cells(values: np.ndarray) -> list[str]:
     return [f"{value:.2g}" if np.isfinite(value) else "unknown" for value in values]
 
 
-def _table(title: str, columns: dict[str, Sequence[str]]) -> "Table":
+def _table(title: str, columns: dict[str, Sequence[str]]) -> Table:
     return table(columns, zip(*columns.values(), strict=True), title)
 
 
@@ -184,7 +175,7 @@ def table(
     whole: Collection[str] | None = None,
     digits: str = ".4g",
     caption: str = "",
-) -> "Table":
+) -> Table:
     """Rows under the names of their columns.
 
     Parameters
@@ -193,8 +184,6 @@ def table(
     whole : columns whose lines are not broken; all of them by default.
     digits : how a float is written; one that is not known is a dash.
     """
-    from rich.table import Table
-
     drawn = Table(title=title or None, title_justify="left", title_style="bold")
     drawn.caption, drawn.caption_justify = caption or None, "left"
     for name in names:
@@ -210,7 +199,7 @@ def _written(value: Any, digits: str) -> str:
     return str(value)
 
 
-def opinion_table(opinion: "SecondOpinion", title: str) -> "Table":
+def opinion_table(opinion: "SecondOpinion", title: str) -> Table:
     """Two estimators side by side; differences in combined standard deviations."""
     formats = {
         "f [Hz]": ".3f",
@@ -236,56 +225,12 @@ def opinion_table(opinion: "SecondOpinion", title: str) -> "Table":
     )
 
 
-def styled(line: str, style: str) -> "Text":
-    """A line in a style, such as bold red."""
-    from rich.text import Text
-
-    return Text(line, style)
-
-
-def say(*content: "Content") -> None:
-    """Print lines, tables and findings one below the other."""
-    from rich.table import Table
-
-    out = console()
-    for part in content:
-        if isinstance(part, Finding):
-            show_findings(out, [part])
-        else:
-            out.print(part, soft_wrap=not isinstance(part, Table))
-
-
-def answer(
-    document: Mapping[str, Any],
-    content: "Iterable[Content]",
-    findings: Iterable[Finding],
-    written: Collection[Path],
-    *,
-    limit: str,
-    json: bool,
-) -> int:
-    """Print what a command found out and wrote: as a JSON document, or as lines and tables for people.
-
-    Returns
-    -------
-    int
-        The exit status, by the findings and the limit of their severity.
-    """
-    if json:
-        as_json({**document, "written": [str(path) for path in written]})
-    else:
-        say(*content)
-        if written:
-            show_written(console(), written)
-    return status(findings, limit)
-
-
-def show_findings(out: "Console", findings: Sequence[Finding]) -> None:
+def show_findings(out: Console, findings: Sequence[Finding]) -> None:
     """One line per finding, the severity first."""
     for finding in findings:
         out.print(f"{finding.severity}: {finding}", style=_STYLES[finding.severity], soft_wrap=True)
 
 
-def show_written(out: "Console", paths: Iterable[Path]) -> None:
+def show_written(out: Console, paths: Iterable[Path]) -> None:
     """Where the results are."""
     out.print("Written: " + ", ".join(str(path) for path in paths), soft_wrap=True)

@@ -1,20 +1,18 @@
 """`ema simulate`: a model file, one of five jobs, the result in a store, its pictures, and a table."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import acquisition
-from ema import store
-from ema.cli import screen
-from ema.cli.common import Json, Limit, jsonable, made, save_pictures
+from ema.cli.common import Json, Limit, jsonable, save_pictures, status
 from ema.cli.ending import ends_well
 from ema.cli.simulation_job import Job
 from ema.errors import InputError
 
 if TYPE_CHECKING:
+    from acquisition.model_file import ModelFile
     from ema.data import BeamModel
     from ema.progress import Progress
 
@@ -26,7 +24,7 @@ def _laws(as_json: bool) -> Callable[[bool], bool]:
 
     def show(wanted: bool) -> bool:
         if wanted:
-            from ema.cli import listing
+            from ema.cli import listing, screen
             from ema.contact.catalogue import CATALOGUE
 
             laws = list(CATALOGUE.values())
@@ -66,40 +64,66 @@ def _ended(
     out: Path | None,
     json: bool,
     limit: str,
-    work: "Callable[[Any, Any, BeamModel, Progress], Job]",
+    work: "Callable[[ModelFile, BeamModel, Progress], Job]",
 ) -> int:
     """Read the model, do the job, write, print; the status of the command."""
+    import acquisition
     from acquisition import model_file
-    from ema.cli import simulations
-    from ema.study.plain import finding
+    from ema.cli import screen
+    from ema.study.study import make_folder
 
-    table, model = getattr(model_file.load(path), name), acquisition.open_model(path)
+    tables, model = model_file.load(path), acquisition.open_model(path)
+    folder = out or Path("simulated") / "".join(c if c.isalnum() else "_" for c in model.name)
+    make_folder(folder)
+    with screen.Bars() as bars:
+        job = work(tables, model, bars)
+    written = _write(folder, name, model, job)
+    job.findings = list(dict.fromkeys(job.findings))
+    if json:
+        from ema.study.plain import finding
+
+        screen.as_json(
+            {
+                "model": model.name,
+                "job": name,
+                "rows": [jsonable(row) for row in job.rows],
+                **{key: [jsonable(row) for row in rows] for key, rows in job.more.items()},
+                **({"statement": job.statement} if job.statement else {}),
+                "findings": [finding(one) for one in job.findings],
+                "written": [str(one) for one in written],
+            }
+        )
+    else:
+        _print(f"{model.name}: {name}", job, written)
+    return status(job.findings, limit)
+
+
+def _write(folder: Path, name: str, model: "BeamModel", job: Job) -> list[Path]:
+    """The store and the pictures."""
+    from ema import store
+
+    written = [folder / f"{name}.h5"]
+    store.save(written[0], {"model": model, **job.contents})
+    return [*written, *save_pictures(folder, job.pictures)]
+
+
+def _print(title: str, job: Job, written: Sequence[Path]) -> None:
+
+    from ema.cli import screen
+
+    out = screen.console()
+    for name, rows in {title: job.rows, **job.more}.items():
+        out.print(screen.table(rows[0] if rows else (), (row.values() for row in rows), name))
+    if job.statement:
+        out.print(job.statement, soft_wrap=True)
+    screen.show_findings(out, job.findings)
+    screen.show_written(out, written)
+
+
+def _chosen(name: str, table: Any) -> Any:
     if table is None:
         raise InputError(f"the model file has no [{name}]", advice="docs/simulate.md shows what stands there")
-    folder = made(out or Path("simulated") / "".join(c if c.isalnum() else "_" for c in model.name))
-    with screen.Bars() as bars:
-        job = work(simulations, table, model, bars)
-    store.save(folder / f"{name}.h5", {"model": model, **job.contents})
-    written = [folder / f"{name}.h5", *save_pictures(folder, job.pictures)]
-    findings = list(dict.fromkeys(job.findings))
-    document = {
-        "model": model.name,
-        "job": name,
-        "rows": [jsonable(row) for row in job.rows],
-        **{key: [jsonable(row) for row in rows] for key, rows in job.more.items()},
-        **({"statement": job.statement} if job.statement else {}),
-        "findings": [finding(one) for one in findings],
-    }
-    tables_of_rows = {f"{model.name}: {name}": job.rows, **job.more}
-    content = (
-        *(
-            screen.table(rows[0] if rows else (), (row.values() for row in rows), title)
-            for title, rows in tables_of_rows.items()
-        ),
-        *((job.statement,) if job.statement else ()),
-        *findings,
-    )
-    return screen.answer(document, content, findings, written, limit=limit, json=json)
+    return table
 
 
 @app.command()
@@ -117,13 +141,17 @@ def snapback(
     limit: Limit = "error",
 ) -> int:
     """Raise a load slowly, let go, and follow the free vibration."""
+    from ema.cli import simulations
+
     return _ended(
         "snapback",
         model,
         out,
         json,
         limit,
-        lambda jobs, table, held, bars: jobs.snapback(table, held, load, normal_force, duration, reference, bars),
+        lambda tables, held, bars: simulations.snapback(
+            _chosen("snapback", tables.snapback), held, load, normal_force, duration, reference, bars
+        ),
     )
 
 
@@ -141,13 +169,17 @@ def frf(
     limit: Limit = "error",
 ) -> int:
     """Steady states over frequency by harmonic balance, at one or several force levels."""
+    from ema.cli import simulations
+
     return _ended(
         "frf",
         model,
         out,
         json,
         limit,
-        lambda jobs, table, held, bars: jobs.frf(table, held, force, normal_force, bars, stability=stability),
+        lambda tables, held, bars: simulations.frf(
+            _chosen("frf", tables.frf), held, force, normal_force, bars, stability=stability
+        ),
     )
 
 
@@ -162,13 +194,15 @@ def damping_map(
     limit: Limit = "error",
 ) -> int:
     """Frequency and damping of a resonance over excitation and normal force."""
+    from ema.cli import simulations
+
     return _ended(
         "map",
         model,
         out,
         json,
         limit,
-        lambda jobs, table, held, bars: jobs.damping_map(table, held, force, normal_force, bars),
+        lambda tables, held, bars: simulations.damping_map(_chosen("map", tables.map), held, force, normal_force, bars),
     )
 
 
@@ -185,13 +219,15 @@ def loop(
     limit: Limit = "error",
 ) -> int:
     """Hysteresis loops of a joint under prescribed motion."""
+    from ema.cli import simulations
+
     return _ended(
         "loop",
         model,
         out,
         json,
         limit,
-        lambda jobs, table, held, bars: jobs.loops(table, held, amplitude, normal_force),
+        lambda tables, held, bars: simulations.loops(_chosen("loop", tables.loop), held, amplitude, normal_force),
     )
 
 
@@ -208,11 +244,15 @@ def control(
     limit: Limit = "error",
 ) -> int:
     """What a controlled normal force brings at a tool point: ring-down, limit of chatter, surface."""
+    from ema.cli import simulations
+
     return _ended(
         "control",
         model,
         out,
         json,
         limit,
-        lambda jobs, table, held, bars: jobs.control(table, held, force, normal_force, bars),
+        lambda tables, held, bars: simulations.control(
+            _chosen("control", tables.control), held, force, normal_force, bars
+        ),
     )

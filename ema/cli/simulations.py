@@ -10,18 +10,12 @@ from jaxtyping import Float
 from acquisition.model_file import ControlTable, FrfTable, LoopTable, MapTable, SnapbackTable
 from ema import show, simulate
 from ema.cli.simulation_job import Job
-from ema.cli.steady_state_curves import with_curves
 from ema.data import BeamModel, CuttingLimits, Decay, Finding, HarmonicResponse, Joint, Loop, ModalMap, Response
 from ema.dof import Dof
 from ema.errors import EmaError, InputError
 from ema.estimate import ring_down
 from ema.estimate.decay import band_passed
 from ema.progress import Progress
-from ema.simulate.control_gain import release_statement, sticking_limit, without_sway
-from ema.simulate.harmonic import condense
-from ema.simulate.maps import check_band, peak_in_band
-from ema.simulate.reduction import modal_base
-from ema.simulate.structure import assemble
 
 
 def _pressed(model: BeamModel, forces: Sequence[float] | None) -> dict[str, BeamModel]:
@@ -169,6 +163,9 @@ def _turning_points(
 
 def _first_mode(model: BeamModel) -> tuple[float, float, float]:
     """Lowest mode that the joints change, sliding and stuck, and the mode that follows it, in Hz."""
+    from ema.simulate.reduction import modal_base
+    from ema.simulate.structure import assemble
+
     system = assemble(model)
     stuck = modal_base(system).frequencies / (2 * np.pi)
     sliding = modal_base(system, 1e-6 * np.asarray(system.contacts.stiffness)).frequencies / (2 * np.pi)
@@ -223,6 +220,9 @@ def frf(
         Steady states, their picture, and one row for every level and normal force: frequency, damping and amplitude of
         the peak, NaN where the band has none.
     """
+    from ema.simulate.harmonic import condense
+    from ema.simulate.maps import check_band, peak_in_band
+
     low, high = check_band(model, (table.band[0], table.band[1]))
     frequencies = np.linspace(low, high, table.lines)
     outputs = table.outputs or [table.at]
@@ -258,6 +258,8 @@ def frf(
     )
     if not stability:
         return job
+    from ema.cli.steady_state_curves import with_curves
+
     return with_curves(job, table, _pressed(model, normal), force or table.force, progress)
 
 
@@ -356,6 +358,9 @@ def control(
     progress: Progress,
 ) -> Job:
     """Ring-downs under three laws of the normal force, and chatter and surface with one force or one for each level."""
+    from ema.simulate.control_gain import release_statement, without_sway
+    from ema.simulate.maps import check_band
+
     band = check_band(model, (table.band[0], table.band[1]))
     forces, levels = sorted(normal or table.normal_force), sorted(force or table.force or [])
     frequency = _mode_in_band(model, table.at, band)
@@ -401,6 +406,8 @@ def _limited_elsewhere(
     stuck: BeamModel, table: ControlTable, limits: CuttingLimits, band: tuple[float, float]
 ) -> list[Finding]:
     """Whether a resonance outside the band limits the cut more than the one inside with one force for each level."""
+    from ema.simulate.control_gain import sticking_limit
+
     depth, frequency = sticking_limit(stuck, table.at, band[0], table.specific_force)
     inside = float(limits.depth.max(axis=1).min())
     if band[0] <= frequency <= band[1] or depth >= inside:
@@ -456,6 +463,9 @@ def _ends_of_range(limits: CuttingLimits) -> str:
 
 def _mode_in_band(model: BeamModel, at: Dof, band: tuple[float, float]) -> float:
     """Frequency in Hz of the mode with sticking joints within the band that moves ``at`` most."""
+    from ema.simulate.reduction import modal_base
+    from ema.simulate.structure import assemble
+
     system = assemble(model)
     base = modal_base(system)
     frequencies = np.asarray(base.frequencies) / (2 * np.pi)

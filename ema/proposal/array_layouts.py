@@ -158,7 +158,7 @@ def _level(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], error
     """One level of a stepped sine: a text table with one column each of frequency, force, response and phase."""
     from ema.proposal.units import quantity_of
 
-    titled: dict[str, list[str]] = {kind: [] for kind in _LEVEL_COLUMNS}
+    found: dict[str, list[str]] = {kind: [] for kind in _LEVEL_COLUMNS}
     unstated: set[str] = set()
     titles = [] if error.arrays.where.lower().endswith(".xlsx") else error.arrays.titles
     for title in titles:
@@ -167,11 +167,11 @@ def _level(numbers: Mapping[str, np.ndarray], metadata: Mapping[str, str], error
             return Described()
         for kind, (words, quantities) in _LEVEL_COLUMNS.items():
             if quantity in quantities or (not quantity and re.search(words, title, re.IGNORECASE)):
-                titled[kind].append(title)
+                found[kind].append(title)
                 unstated |= set() if quantity else {kind}
-    if any(len(names) != 1 or names[0] not in numbers for names in titled.values()):
+    if any(len(names) != 1 or names[0] not in numbers for names in found.values()):
         return Described()
-    columns = {kind: names[0] for kind, names in titled.items()}
+    columns = {kind: names[0] for kind, names in found.items()}
     amplitudes = {kind: np.abs(numbers[columns[kind]]) for kind in ("force", "response")}
     level = LevelColumns(
         columns,

@@ -30,7 +30,7 @@ def sets(facts: Sequence[FileFacts]) -> list[tuple[FileFacts, ...]]:
     stems: dict[str, list[FileFacts]] = {}
     for one in facts:
         stems.setdefault(_NUMBER.sub("#", one.path), []).append(one)
-    groups: list[tuple[FileFacts, ...]] = []
+    found: list[tuple[FileFacts, ...]] = []
     for members in stems.values():
         numbers = [_NUMBER.findall(one.path) for one in members]
         runs: list[list[FileFacts]] = [[one] for one in members]
@@ -41,8 +41,8 @@ def sets(facts: Sequence[FileFacts]) -> list[tuple[FileFacts, ...]]:
             if len(parts) < len(members) and all(_differ(part) for part in parts.values()):
                 runs = list(parts.values())
                 break
-        groups += [tuple(run) for run in runs]
-    return groups
+        found += [tuple(run) for run in runs]
+    return found
 
 
 def _differ(facts: Sequence[FileFacts]) -> bool:

@@ -269,12 +269,12 @@ def _joined(groups: list[_Group], paths: list[str]) -> list[_Group]:
     """Series of one first word whose FRFs are those of one point are one run: ``view_0``, ``view_0_02``, ``view_1``."""
     words: dict[str, list[_Group]] = {}
     for group in groups:
-        words.setdefault(_first_word(group.facts[0].path), []).append(group)
+        words.setdefault(re.match(r"[^\d_.\-]*", group.facts[0].path)[0], []).append(group)  # type: ignore[index]
     joined = []
     for word, members in words.items():
         facts = tuple(one for group in members for one in group.facts)
         alike = same_point([one.record.frf if one.record else None for one in facts])
-        suffix = paths[0].removeprefix(_stem(paths[0]))
+        suffix = re.search(r"(\.[A-Za-z]\w*)*$", paths[0])[0]  # type: ignore[index]
         same_suffix = all(one.path.endswith(suffix) for one in facts)
         # 1kN and 5kN are two conditions, however alike their FRFs are
         one_condition = len({name.conditions for group in members for name in group.series.names}) == 1
@@ -390,7 +390,7 @@ def _files(group: _Group, counts: str, dofs: list[dict[str, str]]) -> Any:
         return group.facts[0].path
     if not group.series.counts:
         word = re.match(r"[^\d_.\-]*[_\-]?", group.facts[0].path)[0]  # type: ignore[index]
-        suffix = group.facts[0].path.removeprefix(_stem(group.facts[0].path))
+        suffix = re.search(r"(\.[A-Za-z]\w*)*$", group.facts[0].path)[0]  # type: ignore[index]
         return f"{word}*{suffix}"
     series = group.series
     if counts == "points" and "point" not in series.counts:
@@ -443,18 +443,9 @@ def _name(group: _Group) -> str:
     """The id of a run: its name without the numbers that count, or the name of its only file."""
     path = group.facts[0].path
     if len(group.facts) > 1:
-        path = group.series.names[0].series if group.series.counts else _first_word(path)
-    return _safe(re.sub(r"_?#_?", "_", _stem(path)))
-
-
-def _first_word(path: str) -> str:
-    """What stands before the first digit, underscore, point or hyphen."""
-    return re.split(r"[\d_.\-]", path, maxsplit=1)[0]
-
-
-def _stem(path: str) -> str:
-    """The path without its suffixes, which begin with a letter."""
-    return re.sub(r"(\.[A-Za-z]\w*)+$", "", path)
+        path = re.match(r"[^\d_.\-]*", path)[0] if not group.series.counts else group.series.names[0].series  # type: ignore[index]
+    stem = re.sub(r"(\.[A-Za-z]\w*)+$", "", path)
+    return _safe(re.sub(r"_?#_?", "_", stem))
 
 
 def _safe(text: str) -> str:

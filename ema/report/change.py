@@ -51,16 +51,17 @@ def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
             low=fixed(min(alike), 2),
             high=fixed(max(alike), 2),
         )
+    make = partial(
+        show.mac_matrix,
+        np.asarray(comparison.mac),
+        names[0],
+        [label.split(":")[0] for label in names[1]],
+        row_label=text("Mode of {base}", base=base.run.id),
+        column_label=text("Mode of {run}", run=other.run.id),
+    )
     return [
         book.picture(
-            partial(
-                show.mac_matrix,
-                np.asarray(comparison.mac),
-                names[0],
-                [label.split(":")[0] for label in names[1]],
-                row_label=text("Mode of {base}", base=base.run.id),
-                column_label=text("Mode of {run}", run=other.run.id),
-            ),
+            make,
             text(
                 "MAC between modes of {base} and {run}: {summary}.", base=base.run.id, run=other.run.id, summary=summary
             ),
@@ -128,15 +129,16 @@ def _overlay(runs: list[RunResult], book: Book) -> list[Block]:
         if driven
         else text("{frf}, the strongest FRF that all runs have, for want of a drive point", frf=frf)
     )
+    make = partial(
+        show.frf_overlay,
+        [run.frfs for run in runs],
+        places,
+        [f"{run.run.id}: {condition_text(run)}" for run in runs],
+        _band(runs),
+    )
     return [
         book.picture(
-            partial(
-                show.frf_overlay,
-                [run.frfs for run in runs],
-                places,
-                [f"{run.run.id}: {condition_text(run)}" for run in runs],
-                _band(runs),
-            ),
+            make,
             text("FRF {which}, in runs {names}.", which=which, names=names),
             text("FRF before and after: {which}.", which=which),
         )

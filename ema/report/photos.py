@@ -61,7 +61,8 @@ def _image(folder: Path, name: str, what: _Kind) -> Image | Text:
         return Text(text(what.unknown, name=name), missing=True)
     if len(content) > _LARGEST:
         sizes = {"size": f"{len(content) / 1e6:.1f}", "limit": f"{_LARGEST / 1e6:.0f}"}
-        return Text(text(what.large, name=name, **sizes), missing=True)
+        sentence = text(what.large, name=name, **sizes)
+        return Text(sentence, missing=True)
     return Image(content, mime, what.width)
 
 

@@ -281,7 +281,8 @@ def _location_blocks(
         text("95 % band"),
         *FORECAST_COLUMNS,
     )
-    blocks.append(book.table("predicted", text("Predicted values with their 95 % bands."), columns, full, 8))
+    caption = text("Predicted values with their 95 % bands.")
+    blocks.append(book.table("predicted", caption, columns, full, 8))
     modes = {
         mode: (str(mode), *banded(*without[0]), *banded(*without[1], 100))
         for forecast in forecasts

@@ -67,10 +67,8 @@ class FromLevels:
     @property
     def levels(self) -> np.ndarray:
         """Amplitudes of the levels that were fitted; the highest alone where only the predicted values are known."""
-        if self.draws is not None:
-            return np.asarray(self.draws.levels)
-        if self.fitted is not None:
-            return np.asarray(self.fitted.amplitude)
+        if self.draws is not None or self.fitted is not None:
+            return np.asarray(self.fitted.amplitude if self.draws is None else self.draws.levels)  # type: ignore[union-attr]
         tops = [float(one.amplitude[0] / one.beyond[0]) for one in self.at]
         tops += [float(one.amplitude.value[0] / one.beyond[0]) for one in self.resonances]
         tops += [one.highest_level for one in self.responses]

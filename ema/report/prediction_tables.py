@@ -68,20 +68,7 @@ def without_beam(forecast: Forecast, bare: ModalModel | None, row: int) -> tuple
 
 
 def conditions(forecast: Forecast, row: int) -> Iterator[tuple[float, float, Bounds, Bounds]]:
-    """Go through the conditions of a forecast.
-
-    Parameters
-    ----------
-    forecast : Forecast
-        Predicted values.
-    row : int
-        Position of the mode, from 0.
-
-    Yields
-    ------
-    tuple
-        F_E and F_N [N], and low, value and high of frequency [Hz] and damping ratio [-].
-    """
+    """F_E and F_N [N], and low, value and high of frequency and damping ratio of one mode."""
     for level, force in np.ndindex(len(forecast.force_levels), len(forecast.normal_forces)):
         f, z = (
             (

@@ -38,6 +38,7 @@ def word(document: Document, tables: str) -> bytes:
     MissingExtraError
         python-docx is not installed.
     """
+    require("docx", "office")
     writer = _Writer(document.title, tables)
     writer.front(document)
     for chapter in document.chapters:
@@ -48,21 +49,34 @@ def word(document: Document, tables: str) -> bytes:
     return writer.content()
 
 
+def _widths(table: Table) -> list[int]:
+    """Widths of the columns in the units of Word: as the longest text needs, so that long ones are broken first."""
+    from docx.shared import Cm
+
+    columns = list(zip(table.columns, *(row for row in table.rows), strict=False))[: table.shown]
+    weights = []
+    for head, *cells in columns:
+        longest = max((len(word) + 5 for word in str(head).split()), default=0)
+        weights.append(max(8, longest, min(40, max((len(str(cell)) + 3 for cell in cells), default=0))))
+    return [int(Cm(_TEXT_WIDTH * weight / sum(weights))) for weight in weights]
+
+
 class _Writer:
     """Puts the parts of a document into a Word file."""
 
     def __init__(self, title: str, tables: str) -> None:
-        docx = require("docx", "office")
-        self._units, self._xml, self._aligned = docx.shared, docx.oxml, docx.enum.text.WD_ALIGN_PARAGRAPH
-        self._file: Any = docx.Document()
+        from docx import Document as new_file
+        from docx.shared import Cm, Pt
+
+        self._file: Any = new_file()
         self._tables = tables
         section = self._file.sections[0]
-        section.page_width, section.page_height = self._units.Cm(21.0), self._units.Cm(29.7)
-        section.left_margin = section.right_margin = self._units.Cm(2.0)
-        section.top_margin = section.bottom_margin = self._units.Cm(2.0)
+        section.page_width, section.page_height = Cm(21.0), Cm(29.7)
+        section.left_margin = section.right_margin = Cm(2.0)
+        section.top_margin = section.bottom_margin = Cm(2.0)
         style = self._file.styles["Normal"]
-        style.font.name, style.font.size = "Calibri", self._units.Pt(10)
-        style.paragraph_format.space_after = self._units.Pt(4)
+        style.font.name, style.font.size = "Calibri", Pt(10)
+        style.paragraph_format.space_after = Pt(4)
         if language() != SOURCE:  # for the spelling checker
             self._spoken(style)
         about = self._file.core_properties
@@ -76,10 +90,14 @@ class _Writer:
         about.comments = ""
         self._page_numbers(section.footer.paragraphs[0], title)
 
-    def _spoken(self, style: Any) -> None:
+    @staticmethod
+    def _spoken(style: Any) -> None:
         """The language of the text."""
-        mark = self._xml.OxmlElement("w:lang")
-        mark.set(self._xml.ns.qn("w:val"), language())
+        from docx.oxml import OxmlElement
+        from docx.oxml.ns import qn
+
+        mark = OxmlElement("w:lang")
+        mark.set(qn("w:val"), language())
         style.element.get_or_add_rPr().append(mark)
 
     def content(self) -> bytes:
@@ -142,26 +160,28 @@ class _Writer:
         self._run(paragraph, text, size, colour, bold, italic)
         return paragraph
 
+    @staticmethod
     def _run(
-        self, paragraph: Any, text: str, size: float = 0, colour: str = "", bold: bool = False, italic: bool = False
+        paragraph: Any, text: str, size: float = 0, colour: str = "", bold: bool = False, italic: bool = False
     ) -> None:
+        from docx.shared import Pt, RGBColor
+
         run = paragraph.add_run(printable(text))
         run.bold, run.italic = bold or None, italic or None
         if size:
-            run.font.size = self._units.Pt(size)
+            run.font.size = Pt(size)
         if colour:
-            run.font.color.rgb = self._units.RGBColor.from_string(colour)
+            run.font.color.rgb = RGBColor.from_string(colour)
 
     def _facts(self, facts: list[tuple[str, str]]) -> None:
+        from docx.shared import Cm
+
         table = self._file.add_table(0, 2)
         table.autofit = False
-        table.columns[0].width, table.columns[1].width = (
-            self._units.Cm(3.0),
-            self._units.Cm(_TEXT_WIDTH - 3.0),
-        )
+        table.columns[0].width, table.columns[1].width = Cm(3.0), Cm(_TEXT_WIDTH - 3.0)
         for label, value in facts:
             cells = table.add_row().cells
-            cells[0].width, cells[1].width = self._units.Cm(3.0), self._units.Cm(_TEXT_WIDTH - 3.0)
+            cells[0].width, cells[1].width = Cm(3.0), Cm(_TEXT_WIDTH - 3.0)
             self._run(cells[0].paragraphs[0], label, colour=_SOFT)
             self._run(cells[1].paragraphs[0], value, bold=True)
         self._file.add_paragraph()
@@ -186,21 +206,24 @@ class _Writer:
 
     def _logo(self, logo: Block) -> None:
         """The logo at the right, no wider than a quarter of the text and no higher than 1.6 cm."""
+        from docx.enum.text import WD_ALIGN_PARAGRAPH
+        from docx.shared import Cm
+
         if not isinstance(logo, Picture):
             self.blocks([logo])
         elif (shape := self._placed(logo)) is not None:
             width, height = shape.width, shape.height
-            scale = min(self._units.Cm(_TEXT_WIDTH / 4) / width, self._units.Cm(1.6) / height)
+            scale = min(Cm(_TEXT_WIDTH / 4) / width, Cm(1.6) / height)
             shape.width, shape.height = int(width * scale), int(height * scale)
-            self._file.paragraphs[-1].alignment = self._aligned.RIGHT
+            self._file.paragraphs[-1].alignment = WD_ALIGN_PARAGRAPH.RIGHT
 
     def _placed(self, picture: Picture) -> Any:
         """The image in a paragraph of its own; a sentence where Word cannot show it."""
+        from docx.shared import Cm
+
         image = picture.png or picture.image
         try:
-            shape = self._file.add_picture(
-                BytesIO(image.content), width=self._units.Cm(_TEXT_WIDTH * picture.width / 100)
-            )
+            shape = self._file.add_picture(BytesIO(image.content), width=Cm(_TEXT_WIDTH * picture.width / 100))
         except Exception:  # readers of images fail in ways of their own
             self.paragraph(
                 text("{picture}: this image cannot be shown in a Word file.", picture=picture.alt),
@@ -212,11 +235,13 @@ class _Writer:
         return shape
 
     def _picture(self, picture: Picture) -> None:
+        from docx.enum.text import WD_ALIGN_PARAGRAPH
+
         if self._placed(picture) is None:
             return
         paragraph = self._file.paragraphs[-1]
         paragraph.paragraph_format.keep_with_next = True
-        paragraph.alignment = self._aligned.LEFT
+        paragraph.alignment = WD_ALIGN_PARAGRAPH.LEFT
         self._caption(
             "" if picture.number is None else text("Figure {number}.", number=picture.number), picture.caption
         )
@@ -242,47 +267,50 @@ class _Writer:
         self._repeated(grid.rows[0])
         for row in table.rows:
             self._row(grid.add_row(), row[: table.shown], size)
-        for column, width in zip(grid.columns, self._widths(table), strict=True):
+        for column, width in zip(grid.columns, _widths(table), strict=True):
             column.width = width
             for cell in column.cells:
                 cell.width = width
         self._file.add_paragraph().paragraph_format.space_after = 0
 
     def _row(self, row: Any, cells: Any, size: float, bold: bool = False) -> None:
+        from docx.shared import Pt
+
         for place, (target, cell) in enumerate(zip(row.cells, cells, strict=True)):
             paragraph = target.paragraphs[0]
-            paragraph.paragraph_format.space_after = self._units.Pt(0)
-            paragraph.add_run(printable(cell)).font.size = self._units.Pt(size)
+            paragraph.paragraph_format.space_after = Pt(0)
+            paragraph.add_run(printable(cell)).font.size = Pt(size)
             # the style of the table prints its first column in bold
             paragraph.runs[0].bold = bold or (False if place == 0 else None)
         self._whole(row)
 
-    def _repeated(self, row: Any) -> None:
+    @staticmethod
+    def _repeated(row: Any) -> None:
         """The row comes again on every page."""
-        row._tr.get_or_add_trPr().append(self._xml.OxmlElement("w:tblHeader"))
+        from docx.oxml import OxmlElement
 
-    def _whole(self, row: Any) -> None:
+        row._tr.get_or_add_trPr().append(OxmlElement("w:tblHeader"))
+
+    @staticmethod
+    def _whole(row: Any) -> None:
         """The row is not broken over pages."""
-        row._tr.get_or_add_trPr().append(self._xml.OxmlElement("w:cantSplit"))
+        from docx.oxml import OxmlElement
+
+        row._tr.get_or_add_trPr().append(OxmlElement("w:cantSplit"))
 
     def _page_numbers(self, paragraph: Any, title: str) -> None:
+        from docx.oxml import OxmlElement
+        from docx.oxml.ns import qn
+        from docx.shared import Pt
+
         self._run(paragraph, f"{title[:90]}   ", size=8, colour=_SOFT)
         for kind, code in (("begin", ""), ("", "PAGE"), ("end", "")):
             run = paragraph.add_run()
-            run.font.size = self._units.Pt(8)
+            run.font.size = Pt(8)
             if kind:
-                mark = self._xml.OxmlElement("w:fldChar")
-                mark.set(self._xml.ns.qn("w:fldCharType"), kind)
+                mark = OxmlElement("w:fldChar")
+                mark.set(qn("w:fldCharType"), kind)
             else:
-                mark = self._xml.OxmlElement("w:instrText")
+                mark = OxmlElement("w:instrText")
                 mark.text = code
             run._r.append(mark)
-
-    def _widths(self, table: Table) -> list[int]:
-        """Widths of the columns in the units of Word: as the longest text needs, so that long ones are broken first."""
-        columns = list(zip(table.columns, *(row for row in table.rows), strict=False))[: table.shown]
-        weights = []
-        for head, *cells in columns:
-            longest = max((len(word) + 5 for word in str(head).split()), default=0)
-            weights.append(max(8, longest, min(40, max((len(str(cell)) + 3 for cell in cells), default=0))))
-        return [int(self._units.Cm(_TEXT_WIDTH * weight / sum(weights))) for weight in weights]

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from ema.data import AmplitudeDependentMode, AmplitudePrediction, NonlinearMode, SteppedLevel
 from ema.errors import InputError
 from ema.messages import mark, text, word
-from ema.show.layout import empty_figure, in_series, label, subplots
-from ema.show.style import BLUE, SERIES, amplitude_label, logarithmic, one_quantity, styled
+from ema.show.style import BLUE, SERIES, amplitude_label, empty_note, logarithmic, new_figure, one_quantity, styled
 from ema.units import SI_UNIT
 
 _MARKS = (("slip-onset", "--", mark("slip begins")), ("impact-amplitude", "-.", mark("behind the impacts")))
@@ -58,10 +57,13 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     2
     """
     quantity = one_quantity([*modes, *predictions])
+    figure = new_figure(4.2)
     if not modes and not predictions:
-        return empty_figure(text("no mode over its amplitude"), 4.2)
-    figure, (frequency, damping) = subplots(2, 1, height=4.2, sharex=True)
-    for mode, (colour, _, marker) in in_series(modes):
+        empty_note(figure.subplots(), text("no mode over its amplitude"))
+        return figure
+    frequency, damping = figure.subplots(2, 1, sharex=True)
+    for number, mode in enumerate(modes):
+        colour, _, marker = SERIES[number % len(SERIES)]
         look = {
             "color": colour,
             "fmt": marker,
@@ -80,22 +82,25 @@ def amplitude_modes(modes: Sequence[AmplitudeDependentMode], predictions: Sequen
     for number, prediction in enumerate(predictions):
         colour, style, _ = SERIES[(number + len(modes)) % len(SERIES)]
         for axes, band, factor in ((frequency, prediction.frequency, 1.0), (damping, prediction.damping, 100.0)):
-            said = text("{mode}, predicted", mode=prediction.name or text("mode"))
+            label = text("{mode}, predicted", mode=prediction.name or text("mode"))
             if len(prediction.amplitude) > 1:
                 axes.fill_between(
                     prediction.amplitude, factor * band.low, factor * band.high, color=colour, alpha=0.2, lw=0
                 )
-                axes.plot(prediction.amplitude, factor * band.value, color=colour, ls=style, label=said)
+                axes.plot(prediction.amplitude, factor * band.value, color=colour, ls=style, label=label)
             else:
                 off = [factor * (band.value - band.low), factor * (band.high - band.value)]
                 axes.errorbar(
-                    prediction.amplitude, factor * band.value, off, fmt="D", ms=4, capsize=3, color=colour, label=said
+                    prediction.amplitude, factor * band.value, off, fmt="D", ms=4, capsize=3, color=colour, label=label
                 )
             fitted = float(prediction.amplitude[0] / prediction.beyond[0])
             axes.axvline(fitted, color=colour, ls=":", lw=0.9, label=text("highest level fitted"))
     measured = np.concatenate([mode.amplitude for mode in modes]) if modes else np.ones(1)
-    labels = (text("Frequency [Hz]"), text("Damping ratio [%]"))
-    label((frequency, damping), labels, amplitude_label(quantity), logarithmic=logarithmic(measured))
+    if logarithmic(measured):
+        damping.set_xscale("log")
+    damping.set_xlabel(amplitude_label(quantity))
+    frequency.set_ylabel(text("Frequency [Hz]"))
+    damping.set_ylabel(text("Damping ratio [%]"))
     marked = {code for code, *_ in _MARKS} | set(_STATED)
     if any(finding.code in marked for mode in modes for finding in mode.findings):
         both = [axes.get_legend_handles_labels() for axes in (damping, frequency)]
@@ -132,15 +137,21 @@ def amplitude_shapes(mode: AmplitudeDependentMode) -> Figure:
     >>> len(amplitude_shapes(mode).axes)
     2
     """
+    figure = new_figure(4.2)
     if mode.shape is None:
-        return empty_figure(text("no shape over the amplitude"), 4.2)
+        empty_note(figure.subplots(), text("no shape over the amplitude"))
+        return figure
     half = np.zeros(mode.shape.shape) if mode.shape_half is None else mode.shape_half
-    figure, (real, imaginary) = subplots(2, 1, height=4.2, sharex=True)
-    for (dof, shape, off), (colour, _, marker) in in_series(zip(mode.dofs, mode.shape, half, strict=True)):
-        for axes, values in ((real, shape.real), (imaginary, shape.imag)):
-            axes.errorbar(mode.amplitude, values, off, color=colour, fmt=marker, ms=4, lw=0.9, label=str(dof))
-    labels = (text("Real part"), text("Imaginary part"))
-    label((real, imaginary), labels, amplitude_label(mode.quantity), logarithmic=logarithmic(mode.amplitude))
+    real, imaginary = figure.subplots(2, 1, sharex=True)
+    for row, dof in enumerate(mode.dofs):
+        colour, _, marker = SERIES[row % len(SERIES)]
+        for axes, values in ((real, mode.shape[row].real), (imaginary, mode.shape[row].imag)):
+            axes.errorbar(mode.amplitude, values, half[row], color=colour, fmt=marker, ms=4, lw=0.9, label=str(dof))
+    real.set_ylabel(text("Real part"))
+    imaginary.set_ylabel(text("Imaginary part"))
+    imaginary.set_xlabel(amplitude_label(mode.quantity))
+    if logarithmic(mode.amplitude):
+        imaginary.set_xscale("log")
     real.legend(fontsize="small")
     return figure
 
@@ -190,9 +201,11 @@ def stepped_levels(levels: Sequence[SteppedLevel] | SteppedLevel) -> Figure:
     """
     some = [levels] if isinstance(levels, SteppedLevel) else list(levels)
     quantity = one_quantity(some)
+    figure = new_figure(4.2)
     if not some:
-        return empty_figure(text("no level"), 4.2)
-    figure, (size, phase) = subplots(2, 1, height=4.2, sharex=True, height_ratios=[3, 1.2])
+        empty_note(figure.subplots(), text("no level"))
+        return figure
+    size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.2])
     for number, level in enumerate(some):
         colour, style, marker = SERIES[number % len(SERIES)]
         look = {"color": colour, "ls": style, "marker": marker, "ms": 3, "lw": 1.0}
@@ -209,7 +222,8 @@ def stepped_levels(levels: Sequence[SteppedLevel] | SteppedLevel) -> Figure:
         )
     )
     size.legend(loc="best")
-    phase.set(ylabel=text("Phase [°]"), ylim=(-190, 190))
+    phase.set_ylabel(text("Phase [°]"))
+    phase.set_ylim(-190, 190)
     phase.set_yticks([-180, 0, 180])
     phase.set_xlabel(text("Frequency [Hz]"))
     return figure
@@ -251,9 +265,13 @@ def nonlinear_mode(mode: NonlinearMode) -> Figure:
             where=mode.name or text("nonlinear mode"),
             advice="ask for amplitudes closer together, or use resonances at force levels",
         )
-    figure, (frequency, damping) = subplots(2, 1, height=4.2, sharex=True)
+    figure = new_figure(4.2)
+    frequency, damping = figure.subplots(2, 1, sharex=True)
     for axes, values in ((frequency, mode.frequencies), (damping, 100 * mode.damping_ratios)):
         axes.plot(mode.amplitudes, values, "o-", ms=3.5, color=BLUE)
-    labels = (text("Frequency [Hz]"), text("Damping ratio [%]"))
-    label((frequency, damping), labels, text("Modal amplitude [m √kg]"), logarithmic=logarithmic(mode.amplitudes))
+    if logarithmic(mode.amplitudes):
+        damping.set_xscale("log")
+    frequency.set_ylabel(text("Frequency [Hz]"))
+    damping.set_ylabel(text("Damping ratio [%]"))
+    damping.set_xlabel(text("Modal amplitude [m √kg]"))
     return figure

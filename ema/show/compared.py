@@ -10,8 +10,7 @@ from ema.data import ModalMap
 from ema.data.comparison import MapComparison, MapPrediction
 from ema.data.modal import COVERAGE_FACTOR
 from ema.messages import text
-from ema.show.layout import subplots
-from ema.show.style import COLOUR_MAP, SERIES, styled
+from ema.show.style import COLOUR_MAP, SERIES, new_figure, styled
 
 _APART = 0.09
 """Distance of ticks from which their labels do not touch, over the width of the axis."""
@@ -39,7 +38,8 @@ def map_comparison(found: MapComparison) -> Figure:
     2
     """
     measured, simulated = found.measured, found.simulated
-    figure, panels = subplots(1, 2, height=3.9)
+    figure = new_figure(3.9)
+    panels = figure.subplots(1, 2)
     levels = len(measured.force_levels)
     colours = colormaps[COLOUR_MAP](np.linspace(0, 0.88, levels))
     parts = (
@@ -97,7 +97,8 @@ def map_prediction(predicted: MapPrediction, measured: ModalMap | None = None) -
     >>> len(map_prediction(MapPrediction([2.0], [500.0], *frequency, *damping), modal_map()).axes)
     2
     """
-    figure, panels = subplots(1, 2, height=3.9)
+    figure = new_figure(3.9)
+    panels = figure.subplots(1, 2)
     known = [] if measured is None else [measured]
     shown: tuple[ModalMap | MapPrediction, ...] = (*known, predicted)
     levels = np.unique(np.concatenate([each.force_levels for each in shown]))

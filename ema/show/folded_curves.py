@@ -8,8 +8,7 @@ from matplotlib.lines import Line2D
 
 from ema.data.stability import STABLE, UNDECIDED, UNSTABLE, SteadyStateCurve
 from ema.messages import text
-from ema.show.layout import empty_figure, subplots
-from ema.show.style import BLACK, SERIES, styled
+from ema.show.style import BLACK, SERIES, empty_note, new_figure, styled
 
 _STYLES = {STABLE: "-", UNSTABLE: "--"}
 """Line of a verdict; dotted where it is undecided."""
@@ -45,9 +44,11 @@ def steady_state_curves(curves: Sequence[SteadyStateCurve], labels: Sequence[str
     >>> len(steady_state_curves([curve]).axes[0].lines)
     2
     """
+    figure = new_figure(4.2)
+    axes = figure.subplots()
     if not curves:
-        return empty_figure(text("no steady state"), 4.2)
-    figure, axes = subplots(height=4.2)
+        empty_note(axes, text("no steady state"))
+        return figure
     names = [labels[n] if n < len(labels) else f"{curve.force:g} N" for n, curve in enumerate(curves)]
     colours = {name: SERIES[n % len(SERIES)][0] for n, name in enumerate(dict.fromkeys(names))}
     for curve, name in zip(curves, names, strict=True):
@@ -56,7 +57,9 @@ def steady_state_curves(curves: Sequence[SteadyStateCurve], labels: Sequence[str
             part = slice(first, last + 1)
             style = _STYLES.get(curve.verdicts[first], ":")
             axes.plot(curve.frequencies[part], gain[part], ls=style, color=colours[name], lw=1.2)
-    axes.set(yscale="log", xlabel=text("Frequency [Hz]"), ylabel=f"|X({curves[0].dofs[0]})| / F [µm/N]")
+    axes.set_yscale("log")
+    axes.set_xlabel(text("Frequency [Hz]"))
+    axes.set_ylabel(f"|X({curves[0].dofs[0]})| / F [µm/N]")
     lines = [Line2D([], [], color=colour, label=name) for name, colour in colours.items()]
     drawn = {curve.verdicts[first] for curve in curves for first, _ in _stretches(curve.verdicts)}
     lines += [

@@ -9,13 +9,14 @@ from matplotlib.figure import Figure
 from ema.data import AmplitudeDraws, ForcedResonances, ForcedResponse, ForceSurface, SteppedLevel
 from ema.errors import InputError
 from ema.messages import text
-from ema.show.layout import empty_figure, label, subplots
 from ema.show.style import (
     BLACK,
     COLOUR_MAP,
     SERIES,
     amplitude_label,
+    empty_note,
     logarithmic,
+    new_figure,
     one_quantity,
     styled,
 )
@@ -54,9 +55,11 @@ def forced_responses(responses: Sequence[ForcedResponse], measured: Sequence[Ste
     1
     """
     quantity = one_quantity([*responses, *measured])
+    figure = new_figure(3.6)
+    axes = figure.subplots()
     if not responses:
-        return empty_figure(text("no response"), 3.6)
-    figure, axes = subplots(height=3.6)
+        empty_note(axes, text("no response"))
+        return figure
     for number, response in enumerate(responses):
         colour = SERIES[number % len(SERIES)][0]
         low, high = float(response.force.min()), float(response.force.max())
@@ -85,7 +88,8 @@ def forced_responses(responses: Sequence[ForcedResponse], measured: Sequence[Ste
     highest = responses[0].highest_level
     if np.isfinite(highest):
         axes.axhline(highest, color="0.5", ls="--", lw=0.9, label=text("highest level fitted"))
-    axes.set(xlabel=text("Frequency [Hz]"), ylabel=amplitude_label(quantity))
+    axes.set_xlabel(text("Frequency [Hz]"))
+    axes.set_ylabel(amplitude_label(quantity))
     axes.legend(loc="best", fontsize="small")
     return figure
 
@@ -124,7 +128,8 @@ def force_surface(surface: ForceSurface) -> Figure:
             got=f"{value.shape[0]} amplitudes and {value.shape[1]} frequencies",
             expected="two or more of both",
         )
-    figure, panels = subplots(1, 2, height=3.6, sharey=True)
+    figure = new_figure(3.6)
+    panels = figure.subplots(1, 2, sharey=True)
     known = value[np.isfinite(value)]
     norm = LogNorm(float(known.min()), float(known.max())) if known.max() > known.min() else None
     width = 100 * surface.force.half_width / value
@@ -169,17 +174,19 @@ def forced_resonances(resonances: ForcedResonances) -> Figure:
     >>> len(forced_resonances(found).axes)
     3
     """
-    figure, panels = subplots(3, 1, height=5.0, sharex=True)
+    figure = new_figure(5.0)
+    panels = figure.subplots(3, 1, sharex=True)
     rows = (
         (resonances.amplitude, 1.0, amplitude_label(resonances.quantity)),
         (resonances.frequency, 1.0, text("Frequency [Hz]")),
         (resonances.damping, 100.0, text("Damping ratio [%]")),
     )
-    for axes, (band, factor, _) in zip(panels, rows, strict=True):
+    for axes, (band, factor, label) in zip(panels, rows, strict=True):
         off = [factor * (band.value - band.low), factor * (band.high - band.value)]
         off = [np.where(np.isfinite(one), one, 0.0) for one in off]
         axes.errorbar(resonances.force, factor * band.value, off, fmt="o", ms=4, capsize=3, color=SERIES[0][0])
-    label(panels, [row[-1] for row in rows], text("Force [N]"))
+        axes.set_ylabel(label)
+    panels[-1].set_xlabel(text("Force [N]"))
     return figure
 
 
@@ -203,12 +210,16 @@ def amplitude_draws(draws: AmplitudeDraws) -> Figure:
     >>> len(amplitude_draws(draws).axes)
     2
     """
-    figure, panels = subplots(2, 1, height=4.2, sharex=True)
+    figure = new_figure(4.2)
+    panels = figure.subplots(2, 1, sharex=True)
     rows = ((draws.frequency, 1.0, text("Frequency [Hz]")), (draws.damping, 100.0, text("Damping ratio [%]")))
-    for axes, (values, factor, _) in zip(panels, rows, strict=True):
+    for axes, (values, factor, label) in zip(panels, rows, strict=True):
         low, value, high = factor * np.quantile(values, [0.025, 0.5, 0.975], axis=0)
         axes.fill_between(draws.amplitude, low, high, color=SERIES[0][0], alpha=0.2, lw=0)
         axes.plot(draws.amplitude, value, color=SERIES[0][0])
         axes.axvline(float(draws.levels[-1]), color=BLACK, ls=":", lw=0.9)
-    label(panels, [row[-1] for row in rows], amplitude_label(draws.quantity), logarithmic=logarithmic(draws.amplitude))
+        axes.set_ylabel(label)
+    panels[-1].set_xlabel(amplitude_label(draws.quantity))
+    if logarithmic(draws.amplitude):
+        panels[-1].set_xscale("log")
     return figure

@@ -6,8 +6,7 @@ from matplotlib.figure import Figure
 
 from ema.data.forecast import Forecast, ForecastCheck
 from ema.messages import mark, text
-from ema.show.layout import subplots
-from ema.show.style import BLACK, SERIES, styled
+from ema.show.style import BLACK, SERIES, new_figure, styled
 
 _OFFSET = 0.05
 """Distance of neighbouring normal forces on the logarithmic axis of the force level, in decades."""
@@ -36,7 +35,8 @@ def forecast_bands(prediction: Forecast | ForecastCheck) -> Figure:
     2
     """
     forecast = prediction.forecast if isinstance(prediction, ForecastCheck) else prediction
-    figure, panels = subplots(len(forecast.modes), 2, height=3.1 * len(forecast.modes) + 0.4, squeeze=False)
+    figure = new_figure(3.1 * len(forecast.modes) + 0.4)
+    panels = figure.subplots(len(forecast.modes), 2, squeeze=False)
     for m, mode in enumerate(forecast.modes):
         for axes, what, scale in zip(panels[m], ("frequency", "damping"), (1.0, 100.0)):
             _panel(axes, forecast, what, m, scale)

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from ema.data import FrfSet, ModalModel
 from ema.messages import text
-from ema.show.layout import empty_figure, subplots
 from ema.show.selection import check_frfs
 from ema.show.style import (
     BLACK,
@@ -19,6 +18,7 @@ from ema.show.style import (
     SERIES,
     VERMILION,
     dof_labels,
+    empty_note,
     frf_label,
     mark_modes,
     new_figure,
@@ -67,9 +67,11 @@ def frf_overview(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     >>> len(frf_overview(frf_set(), modal_model()).axes)
     1
     """
+    figure = new_figure(3.6)
+    axes = figure.subplots()
     if not frfs.values.size:
-        return empty_figure(text("no FRF to draw"), 3.6)
-    figure, axes = subplots(height=3.6)
+        empty_note(axes, text("no FRF to draw"))
+        return figure
     magnitudes = np.abs(frfs.values).reshape(len(frfs.frequencies), -1)
     lines, highest = peaks(frfs.frequencies, magnitudes)
     count = magnitudes.shape[1]
@@ -116,7 +118,9 @@ def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     1
     """
     if frfs.coherence is None:
-        return empty_figure(text("these FRFs came without a coherence"), 1.5)
+        figure = new_figure(1.5)
+        empty_note(figure.subplots(), text("these FRFs came without a coherence"))
+        return figure
     values = np.nan_to_num(frfs.coherence).reshape(len(frfs.frequencies), -1)
     many = values.shape[1] > 1
     figure = new_figure(4.6 if many else 2.6)
@@ -128,7 +132,8 @@ def coherence(frfs: FrfSet, modes: ModalModel | None = None) -> Figure:
     )
     axes.plot(frfs.frequencies, middle, color=BLUE, lw=1.2, label=text("median"))
     _frequency_axis(axes, frfs.frequencies, label=not many)
-    axes.set(ylim=(0, 1.02), ylabel=text("Coherence [-]"))
+    axes.set_ylim(0, 1.02)
+    axes.set_ylabel(text("Coherence [-]"))
     if modes is not None:
         mark_modes(axes, modes.natural_frequencies)
     axes.legend(loc="lower right", ncols=3)
@@ -184,7 +189,8 @@ def indicator(
     >>> len(indicator(frfs.frequencies, np.linalg.svd(frfs.values, compute_uv=False)).axes)
     1
     """
-    figure, axes = subplots(height=3.2)
+    figure = new_figure(3.2)
+    axes = figure.subplots()
     for place, column in enumerate(values.T):
         colour, style, _ = SERIES[place % len(SERIES)]
         axes.semilogy(frequencies, _positive(column), color=colour, ls=style, lw=1.2, label=f"{label} {place + 1}")
@@ -239,15 +245,12 @@ def reconstruction(
     for frfs in (measured, synthesised):
         check_frfs([frfs] * len(places), places)
     rows = max(1, -(-len(places) // 2))
+    figure = new_figure(3.4 * rows)
     if not places or not len(synthesised.frequencies):
-        return empty_figure(text("no FRF to draw"), 3.4 * rows)
-    figure, panels = subplots(
-        2 * rows,
-        min(2, len(places)),
-        height=3.4 * rows,
-        squeeze=False,
-        sharex=True,
-        gridspec_kw={"height_ratios": [3, 1.1] * rows},
+        empty_note(figure.subplots(), text("no FRF to draw"))
+        return figure
+    panels = figure.subplots(
+        2 * rows, min(2, len(places)), squeeze=False, sharex=True, gridspec_kw={"height_ratios": [3, 1.1] * rows}
     )
     for panel, (output, input_) in enumerate(places):
         row, column = 2 * (panel // 2), panel % 2

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from ema.data import Hit, HitGallery
 from ema.messages import text
-from ema.show.layout import empty_figure, subplots
-from ema.show.style import BLUE, FAINT, GREY, SERIES, VERMILION, new_figure, styled
+from ema.show.style import BLUE, FAINT, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
 _MOST_REASONS = 5
 """Reasons that have a colour of their own; the rarer ones share one."""
@@ -41,9 +40,10 @@ def hits(gallery: HitGallery, unit: str = "N") -> Figure:
     >>> len(hits(HitGallery((hit,), [0.0, 100.0], [1.0, 0.5], usable_band=(300.0, 400.0))).axes)
     2
     """
-    if not gallery.hits:
-        return empty_figure(text("no impact in the record"), 4.6)
     figure = new_figure(4.6)
+    if not gallery.hits:
+        empty_note(figure.subplots(), text("no impact in the record"))
+        return figure
     accepted = [hit for hit in gallery.hits if hit.accepted]
     rejected = _by_reason(gallery)
     kinds = [kind for kind, some in (("accepted", accepted or not rejected), ("rejected", rejected)) if some]
@@ -64,7 +64,8 @@ def hits(gallery: HitGallery, unit: str = "N") -> Figure:
     if "rejected" in panels:
         panels["rejected"].set_title(text("rejected: {number}", number=len(gallery.hits) - len(accepted)))
     for name in kinds:
-        panels[name].set(xlabel=text("Time from the peak [ms]"), ylabel=text("Force [{unit}]", unit=unit))
+        panels[name].set_xlabel(text("Time from the peak [ms]"))
+        panels[name].set_ylabel(text("Force [{unit}]", unit=unit))
     order = {id(hit): number for number, hit in enumerate(gallery.hits, 1)}
     below = panels["peaks"]
     below.plot(
@@ -80,12 +81,10 @@ def hits(gallery: HitGallery, unit: str = "N") -> Figure:
         below.plot(
             [order[id(hit)] for hit in group], [hit.peak for hit in group], marker, ms=6, color=colour, label=reason
         )
-    below.set(
-        xlabel=text("Impact, in order of measurement"),
-        ylabel=text("Peak [{unit}]", unit=unit),
-        ylim=(0, 1.12 * max((hit.peak for hit in gallery.hits), default=0) or 1),
-        xlim=(0, len(gallery.hits) + 1),
-    )
+    below.set_xlabel(text("Impact, in order of measurement"))
+    below.set_ylabel(text("Peak [{unit}]", unit=unit))
+    below.set_ylim(0, 1.12 * max((hit.peak for hit in gallery.hits), default=0) or 1)
+    below.set_xlim(0, len(gallery.hits) + 1)
     figure.legend(*below.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
@@ -143,10 +142,12 @@ def force_spectrum(gallery: HitGallery) -> Figure:
     >>> len(force_spectrum(gallery).axes)
     1
     """
+    figure = new_figure(2.8)
+    axes = figure.subplots()
     spectrum = np.asarray(gallery.force_spectrum)
     if not len(spectrum) or not np.nanmax(spectrum) > 0:
-        return empty_figure(text("no accepted impact, no force spectrum"), 2.8)
-    figure, axes = subplots(height=2.8)
+        empty_note(axes, text("no accepted impact, no force spectrum"))
+        return figure
     level = 10 * np.log10(np.maximum(spectrum / np.nanmax(spectrum), 1e-12))
     ten, twenty = gallery.usable_band
     axes.axvspan(0, ten, color=BLUE, alpha=0.14, lw=0, label=text("-10 dB to {ten} Hz", ten=f"{ten:.4g}"))
@@ -154,11 +155,9 @@ def force_spectrum(gallery: HitGallery) -> Figure:
     axes.axhline(-10, color=GREY, lw=0.7, ls="--")
     axes.axhline(-20, color=GREY, lw=0.7, ls=":")
     axes.plot(gallery.frequencies, level, color=VERMILION, lw=1.3)
-    axes.set(
-        xlim=(float(gallery.frequencies[0]), float(gallery.frequencies[-1])),
-        ylim=(max(-70.0, float(np.nanmin(level)) - 3), 3),
-        xlabel=text("Frequency [Hz]"),
-        ylabel=text("Force autospectrum [dB re max]"),
-    )
+    axes.set_xlim(float(gallery.frequencies[0]), float(gallery.frequencies[-1]))
+    axes.set_ylim(max(-70.0, float(np.nanmin(level)) - 3), 3)
+    axes.set_xlabel(text("Frequency [Hz]"))
+    axes.set_ylabel(text("Force autospectrum [dB re max]"))
     axes.legend(loc="lower left")
     return figure

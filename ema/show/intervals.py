@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from ema.data import ConditionDifference, ContactPressure, ModelUpdate, RepeatGroup, SetUpShifts
 from ema.data.comparison import ModeComparison
 from ema.data.modal import COVERAGE_FACTOR
-from ema.show.layout import empty_figure, subplots
-from ema.show.style import BLUE, GREY, SERIES, VERMILION, styled
+from ema.show.style import BLUE, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
 _LOW = 0.1
 """Least factor of a parameter over its estimate that is drawn: an interval beyond a decade bounds little."""
@@ -43,10 +42,11 @@ def mode_changes(change: ConditionDifference | ModeComparison | RepeatGroup | Se
         return _shifts(change)
     if isinstance(change, RepeatGroup):
         return _repeats(change)
+    figure = new_figure(3.2)
     if not change.pairs:
-        return empty_figure("no mode of one is paired with one of the other", 3.2)
-    figure, panels = subplots(1, 2, height=3.2)
-    for axes, name in zip(panels, ("frequency", "damping"), strict=True):
+        empty_note(figure.subplots(), "no mode of one is paired with one of the other")
+        return figure
+    for axes, name in zip(figure.subplots(1, 2), ("frequency", "damping"), strict=True):
         values = getattr(change, name)
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = 100 * (values[:, 1] / values[:, 0] - 1)
@@ -60,9 +60,8 @@ def mode_changes(change: ConditionDifference | ModeComparison | RepeatGroup | Se
             _bars(axes, relative, np.zeros(len(relative)), np.arange(len(relative)), BLUE, "")
         pairs = [f"{a + 1}" if a == b else f"{a + 1}/{b + 1}" for a, b in change.pairs]
         axes.set_xticks(range(len(pairs)), pairs, rotation=90 if len(pairs) > 12 else 0)
-        axes.set(
-            xlabel="Mode", ylabel=f"Change of {'natural frequency' if name == 'frequency' else 'damping ratio'} [%]"
-        )
+        axes.set_xlabel("Mode")
+        axes.set_ylabel(f"Change of {'natural frequency' if name == 'frequency' else 'damping ratio'} [%]")
     return figure
 
 
@@ -78,25 +77,29 @@ def _bars(
 
 
 def _repeats(group: RepeatGroup) -> Figure:
+    figure = new_figure(3.2)
     count = len(group.reference.poles)
     if not count:
-        return empty_figure("no mode in the repeats", 3.2)
+        empty_note(figure.subplots(), "no mode in the repeats")
+        return figure
     rows = ((group.frequency, "natural frequency"), (group.damping, "damping ratio"))
     if not any(np.isfinite([spread.half, spread.noise_half]).any() for spread, _ in rows):
-        return empty_figure("neither repeats nor noise tell an interval", 3.2)
-    figure, panels = subplots(1, 2, height=3.2)
-    for axes, (spread, what) in zip(panels, rows, strict=True):
+        empty_note(figure.subplots(), "neither repeats nor noise tell an interval")
+        return figure
+    for axes, (spread, what) in zip(figure.subplots(1, 2), rows, strict=True):
         for values, label, look in ((spread.half, "repeats", SERIES[0]), (spread.noise_half, "noise alone", SERIES[1])):
             axes.semilogy(
                 np.arange(1, count + 1), 100 * values / spread.mean, look[2], color=look[0], ms=5, label=label
             )
-        axes.set(xlabel="Mode", ylabel=f"Half 95 % interval of {what} [%]")
+        axes.set_xlabel("Mode")
+        axes.set_ylabel(f"Half 95 % interval of {what} [%]")
         axes.legend(loc="best")
     return figure
 
 
 def _shifts(shifts: SetUpShifts) -> Figure:
-    figure, axes = subplots(height=3.2)
+    figure = new_figure(3.2)
+    axes = figure.subplots()
     axes.axhline(0, color=GREY, lw=0.6)
     modes = np.arange(1, len(shifts.frequencies) + 1)
     for row, name in enumerate(shifts.names):
@@ -108,10 +111,8 @@ def _shifts(shifts: SetUpShifts) -> Figure:
         )
     axes.set_xlim(0.3, len(modes) + 0.7)
     axes.set_xticks(modes, [f"{frequency:.5g} Hz" for frequency in shifts.frequencies], rotation=45)
-    axes.set(
-        ylabel="Shift of natural frequency [%]",
-        title={"none": "no shift beyond the noise"}.get(shifts.cause, shifts.cause),
-    )
+    axes.set_ylabel("Shift of natural frequency [%]")
+    axes.set_title({"none": "no shift beyond the noise"}.get(shifts.cause, shifts.cause))
     axes.legend(loc="best", ncols=4)
     return figure
 
@@ -138,7 +139,8 @@ def parameters(update: ModelUpdate) -> Figure:
     >>> len(parameters(update).axes)
     1
     """
-    figure, axes = subplots(height=1.2 + 0.45 * len(update.names))
+    figure = new_figure(1.2 + 0.45 * len(update.names))
+    axes = figure.subplots()
     axes.axvline(1, color=GREY, lw=0.7)
     for row, known in enumerate(update.identifiable):
         low, high = np.clip(update.intervals[row] / update.values[row], _LOW, _HIGH)
@@ -150,7 +152,9 @@ def parameters(update: ModelUpdate) -> Figure:
         for name, value, known in zip(update.names, update.values, update.identifiable, strict=True)
     ]
     axes.set_yticks(range(len(labels)), labels)
-    axes.set(ylim=(len(labels) - 0.5, -0.5), xscale="log", xlim=(0.9 * _LOW, 1.1 * _HIGH))
+    axes.set_ylim(len(labels) - 0.5, -0.5)
+    axes.set_xscale("log")
+    axes.set_xlim(0.9 * _LOW, 1.1 * _HIGH)
     axes.set_xticks([0.1, 0.5, 1, 2, 10], ["0.1", "0.5", "1", "2", "10"])
     axes.set_xlabel("95 % interval over the estimate [-]")
     return figure
@@ -180,7 +184,8 @@ def contact_forces(pressure: ContactPressure) -> Figure:
     >>> len(contact_forces(pressure).axes)
     1
     """
-    figure, axes = subplots(height=3.0)
+    figure = new_figure(3.0)
+    axes = figure.subplots()
     places = np.arange(len(pressure.forces))
     opens = pressure.open_time > 0
     axes.axhline(0, color=GREY, lw=0.6)

@@ -10,8 +10,7 @@ from ema.errors import InputError
 from ema.messages import text
 from ema.show import joint_words
 from ema.show.joint_result import JointResult, JointStatement
-from ema.show.layout import empty_figure, subplots
-from ema.show.style import BLACK, BLUE, GREY, VERMILION, styled
+from ema.show.style import BLACK, BLUE, GREY, VERMILION, empty_note, new_figure, styled
 
 _PRIOR = "#d9d9d9"
 _SPAN = (-0.3, 1.3)
@@ -51,7 +50,8 @@ def joint_parameters(result: JointResult) -> Figure:
         (1.96, "left", text("posterior (95 %)")),
         (2.9, "right", text("width / prior")),
     )
-    figure, axes = subplots(height=0.9 + 0.31 * len(rows))
+    figure = new_figure(0.9 + 0.31 * len(rows))
+    axes = figure.subplots()
     for row, parameter in enumerate(rows):
         shown = joint_words.parameter(parameter.name)
         scale = np.log if parameter.logarithmic else np.asarray
@@ -76,7 +76,8 @@ def joint_parameters(result: JointResult) -> Figure:
         axes.axhline(first_combination - 0.5, color=GREY, lw=0.6, ls=":")
     for place, side, head in columns:
         axes.text(place, -0.85, head, ha=side, va="bottom", fontsize=7.5, color=BLACK)
-    axes.set(xlim=(_SPAN[0] - 0.02, columns[-1][0] + 0.02), ylim=(len(rows) - 0.4, -0.9))
+    axes.set_xlim(_SPAN[0] - 0.02, columns[-1][0] + 0.02)
+    axes.set_ylim(len(rows) - 0.4, -0.9)
     _bare(axes)
     return figure
 
@@ -106,9 +107,11 @@ def joint_statements(result: JointResult) -> Figure:
     1
     """
     rows = result.statements
+    figure = new_figure(1.0 + 0.36 * max(1, len(rows)))
+    axes = figure.subplots()
     if not rows:
-        return empty_figure(text("no statement"), 1.36)
-    figure, axes = subplots(height=1.0 + 0.36 * len(rows))
+        empty_note(axes, text("no statement"))
+        return figure
     for row, statement in enumerate(rows):
         axes.axhline(row, color=_PRIOR, lw=0.6, zorder=0)
         if np.isnan(statement.probability):
@@ -123,7 +126,8 @@ def joint_statements(result: JointResult) -> Figure:
     names = [joint_words.quantity(one.quantity).name.replace(": ", ":\n", 1) for one in rows]
     labels = [f"{number}  {name}" for number, name in enumerate(names, 1)]
     axes.set_yticks(range(len(rows)), labels, fontsize=7)
-    axes.set(xlim=(-_BEYOND, _BEYOND + 0.9), ylim=(len(rows) - 0.4, -0.75))
+    axes.set_xlim(-_BEYOND, _BEYOND + 0.9)
+    axes.set_ylim(len(rows) - 0.4, -0.75)
     axes.set_xticks([-3, -2, -1, 0, 1, 2, 3])
     axes.grid(visible=False, axis="y")
     axes.set_xlabel(text("Distance from the middle of the prediction over half its 95 % interval [-]"))
@@ -193,7 +197,8 @@ def hammer_readings(result: JointResult) -> Figure:
     predicted = result.hammer
     if predicted is None:
         raise InputError("the statements hold no hammer test", where=result.title, advice="add [[hammer]] to the file")
-    figure, (left, right) = subplots(1, 2, height=3.1)
+    figure = new_figure(3.1)
+    left, right = figure.subplots(1, 2)
     for axes, band, stated, bare, factor in (
         (left, predicted.frequency, predicted.stated_frequency, result.bare[0], 1.0),
         (right, predicted.damping, predicted.stated_damping, result.bare[1], 100.0),
@@ -211,9 +216,11 @@ def hammer_readings(result: JointResult) -> Figure:
             lw=1.1,
             label=text("stated"),
         )
-        axes.set(xscale="log", xlabel=text("Normal force F_N [N]"))
+        axes.set_xscale("log")
+        axes.set_xlabel(text("Normal force F_N [N]"))
     left.set_ylabel(text("Natural frequency [Hz]"))
-    right.set(ylabel=text("Damping ratio [%]"), ylim=(0, None))
+    right.set_ylabel(text("Damping ratio [%]"))
+    right.set_ylim(bottom=0)
     left.legend(loc="best")
     return figure
 

@@ -5,8 +5,7 @@ from matplotlib.figure import Figure
 
 from ema.data import Condition
 from ema.messages import text
-from ema.show.layout import empty_figure, in_series
-from ema.show.style import BLUE, GREY, new_figure, styled
+from ema.show.style import BLUE, GREY, SERIES, empty_note, new_figure, styled
 
 
 @styled
@@ -31,9 +30,10 @@ def normal_force(condition: Condition) -> Figure:
     """
     joints = condition.joints
     traced = [joint for joint in joints if joint.trace is not None and len(joint.trace)]
-    if not joints:
-        return empty_figure(text("no friction beam, no joint"), 2.9)
     figure = new_figure(2.9)
+    if not joints:
+        empty_note(figure.subplots(), text("no friction beam, no joint"))
+        return figure
     panels = figure.subplots(1, 2 if traced else 1, squeeze=False, width_ratios=[1, 2] if traced else [1])[0]
     places = np.arange(len(joints))
     means, spreads = (np.array([getattr(joint, name) for joint in joints]) for name in ("mean", "std"))
@@ -50,18 +50,17 @@ def normal_force(condition: Condition) -> Figure:
                 color=GREY,
             )
     panels[0].set_xticks(places, [joint.joint for joint in joints], rotation=90 if len(joints) > 5 else 0)
-    panels[0].set(
-        xlim=(-0.6, len(joints) - 0.4), ylabel=text("Normal force [N]"), title=text("mean ± standard deviation")
-    )
-    for joint, (colour, style, _) in in_series(traced):
+    panels[0].set_xlim(-0.6, len(joints) - 0.4)
+    panels[0].set_ylabel(text("Normal force [N]"))
+    panels[0].set_title(text("mean ± standard deviation"))
+    for number, joint in enumerate(traced):
+        colour, style, _ = SERIES[number % len(SERIES)]
         trace = np.asarray(joint.trace)
         times = np.arange(len(trace)) if joint.trace_times is None else np.asarray(joint.trace_times)
         panels[1].plot(times, trace, color=colour, ls=style, lw=1.0, label=joint.joint, rasterized=len(trace) > 5000)
     if traced:
-        panels[1].set(
-            xlabel=text("Sample") if traced[0].trace_times is None else text("Time [s]"),
-            ylabel=text("Normal force [N]"),
-            title=text("during the run"),
-        )
+        panels[1].set_xlabel(text("Sample") if traced[0].trace_times is None else text("Time [s]"))
+        panels[1].set_ylabel(text("Normal force [N]"))
+        panels[1].set_title(text("during the run"))
         panels[1].legend(loc="best", ncols=3)
     return figure

@@ -12,7 +12,6 @@ from matplotlib.text import Text
 
 from ema.data import ModalMap
 from ema.messages import mark, text, word
-from ema.show.layout import empty_figure, subplots
 from ema.show.style import COLOUR_MAP, GREY, SERIES, VERMILION, empty_note, new_figure, styled
 
 _METHODS = (mark("measured"), mark("frozen"))
@@ -73,13 +72,15 @@ def frequency_map(chart: ModalMap) -> Figure:
 
 def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, ridge: bool) -> Figure:
     """Colours, and the values in the cells, or contour lines where there are many."""
+    figure = new_figure(4.2, 7.0)
+    axes = figure.subplots()
     x, y = np.asarray(chart.normal_forces), np.asarray(chart.force_levels)
     known_x, known_y = np.isfinite(x), np.isfinite(y)  # a condition of an unknown force lies nowhere
     x, y, values = x[known_x], y[known_y], values[np.ix_(known_y, known_x)]
     holes = ~np.isfinite(values)
     if not values.size or holes.all():
-        return empty_figure(text("the map has no point"), 4.2, 7.0)
-    figure, axes = subplots(height=4.2, width=7.0)
+        empty_note(axes, text("the map has no point"))
+        return figure
     for axis, nominal in (("x", x), ("y", y)):
         if _geometric(nominal):
             getattr(axes, f"set_{axis}scale")("log")
@@ -126,11 +127,9 @@ def _map(chart: ModalMap, values: Float[np.ndarray, "level force"], label: str, 
             lw=1.4,
             label=text("largest damping"),
         )
-    axes.set(
-        xlabel=text("Normal force F_N [N]"),
-        ylabel=text("Excitation force F_E [N]"),
-        title=" ".join(part for part in (chart.name, f"({word(chart.method)})") if part),
-    )
+    axes.set_xlabel(text("Normal force F_N [N]"))
+    axes.set_ylabel(text("Excitation force F_E [N]"))
+    axes.set_title(" ".join(part for part in (chart.name, f"({word(chart.method)})") if part))
     axes.grid(visible=False)
     figure.colorbar(mesh, ax=axes, label=label)
     if holes.any():
@@ -212,7 +211,8 @@ def damping_curves(chart: ModalMap) -> Figure:
                 )
         if across is not forces and _geometric(np.sort(across[np.isfinite(across)])):
             axes.set_xscale("log")
-        axes.set(xlabel=label, ylim=(0, None))
+        axes.set_xlabel(label)
+        axes.set_ylim(bottom=0)
     panels[0].set_ylabel(text("Damping ratio [%]"))
     figure.legend(loc="outside lower center", ncols=min(len(chart.normal_forces), 8), title=text("Normal force F_N"))
     return figure

@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 
 from ema.dof import Dof
 from ema.messages import text, word
-from ema.show.layout import empty_figure, subplots
-from ema.show.style import COLOUR_MAP, WIDTH, dof_labels, styled, thin_labels
+from ema.show.style import COLOUR_MAP, WIDTH, dof_labels, empty_note, new_figure, styled, thin_labels
 
 _MOST_NUMBERED = 24
 """Modes up to which a matrix shows its numbers: beyond, they do not fit the cells."""
@@ -50,9 +49,11 @@ def mac_matrix(
     count = max(values.shape, default=0)
     size = float(np.clip(1.8 + 0.22 * count, 2.6, 6.0))
     longest = max((len(label) for label in rows), default=1)
+    figure = new_figure(size, min(WIDTH, size + 1.3 + 0.075 * longest))
+    axes = figure.subplots()
     if not values.size:
-        return empty_figure(text("no mode, no MAC"), size, min(WIDTH, size + 1.3 + 0.075 * longest))
-    figure, axes = subplots(height=size, width=min(WIDTH, size + 1.3 + 0.075 * longest))
+        empty_note(axes, text("no mode, no MAC"))
+        return figure
     image = axes.imshow(values, vmin=0, vmax=1, cmap=COLOUR_MAP, aspect="equal", interpolation="nearest")
     axes.grid(visible=False)
     names = [
@@ -62,7 +63,9 @@ def mac_matrix(
     axes.set_yticks(places, texts)
     places, texts = thin_labels(names[1], 30)
     axes.set_xticks(places, texts, rotation=90 if max(map(len, texts)) > 2 else 0)
-    axes.set(ylabel=word(row_label), xlabel=word(column_label), title=title)
+    axes.set_ylabel(word(row_label))
+    axes.set_xlabel(word(column_label))
+    axes.set_title(title)
     if count <= _MOST_NUMBERED:
         font = 8 if count <= 10 else 6.5 if count <= 16 else 5
         for (row, column), value in np.ndenumerate(values):
@@ -108,9 +111,11 @@ def error_map(error: Float[np.ndarray, "out in"], outputs: Sequence[Dof], inputs
     values = 100 * (error.T if turned else error)
     across, up = (outputs, inputs) if turned else (inputs, outputs)
     height = float(np.clip(1.5 + 0.16 * len(up), 1.9, 8.0))
+    figure = new_figure(height)
+    axes = figure.subplots()
     if not values.size:
-        return empty_figure(text("no FRF was synthesised"), height)
-    figure, axes = subplots(height=height)
+        empty_note(axes, text("no FRF was synthesised"))
+        return figure
     top = float(np.nanpercentile(values, 98)) if np.isfinite(values).any() else 1.0
     image = axes.imshow(values, vmin=0, vmax=top or 1.0, cmap=COLOUR_MAP, aspect="auto", interpolation="nearest")
     axes.grid(visible=False)
@@ -118,9 +123,7 @@ def error_map(error: Float[np.ndarray, "out in"], outputs: Sequence[Dof], inputs
     axes.set_xticks(places, texts, rotation=90, fontsize=7)
     places, texts = thin_labels(dof_labels(up), max(2, int(height * 6)))
     axes.set_yticks(places, texts, fontsize=7)
-    axes.set(
-        xlabel=text("Response DOF") if turned else text("Force DOF"),
-        ylabel=text("Force DOF") if turned else text("Response DOF"),
-    )
+    axes.set_xlabel(text("Response DOF") if turned else text("Force DOF"))
+    axes.set_ylabel(text("Force DOF") if turned else text("Response DOF"))
     figure.colorbar(image, ax=axes, label=text("Error [%]"), extend="max", pad=0.01)
     return figure

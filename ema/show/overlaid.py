@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from ema.data import FrfSet
 from ema.errors import InputError
 from ema.messages import text
-from ema.show.layout import empty_figure, subplots
 from ema.show.selection import check_frfs
-from ema.show.style import SERIES, frf_label, one_quantity, styled
+from ema.show.style import SERIES, empty_note, frf_label, new_figure, one_quantity, styled
 
 _BARE = "#1a1a1a"
 
@@ -61,10 +60,12 @@ def frf_overlay(
             expected="one position and one label for each set",
         )
     check_frfs(sets, places)
+    figure = new_figure(4.4)
     if not sets or not all(len(one.frequencies) for one in sets):
-        return empty_figure(text("no FRF to draw"), 4.4)
+        empty_note(figure.subplots(), text("no FRF to draw"))
+        return figure
     low, high = band or (max(one.frequencies[0] for one in sets), min(one.frequencies[-1] for one in sets))
-    figure, (magnitude, phase) = subplots(2, 1, height=4.4, sharex=True, height_ratios=[3, 1.2])
+    magnitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.2])
     styles = [(_BARE, "-"), *((colour, style) for colour, style, _ in (SERIES[1], SERIES[0], *SERIES[2:]))]
     for number, (one, place, label) in enumerate(zip(sets, places, labels, strict=True)):
         colour, style = styles[number % len(styles)]
@@ -75,11 +76,13 @@ def frf_overlay(
             one.frequencies[inside], np.where(size > 0, size, np.nan), color=colour, ls=style, lw=1.2, label=label
         )
         phase.plot(one.frequencies[inside], _broken(np.degrees(np.angle(values))), color=colour, ls=style, lw=0.9)
-    magnitude.set(ylabel=frf_label(sets[0].quantity, sets[0].unit), xlim=(low, high if high > low else low + 1))
+    magnitude.set_ylabel(frf_label(sets[0].quantity, sets[0].unit))
+    magnitude.set_xlim(low, high if high > low else low + 1)
     magnitude.legend(loc="best")
     phase.set_ylabel(text("Phase [°]"))
     phase.set_yticks([-180, 0, 180])
-    phase.set(ylim=(-190, 190), xlabel=text("Frequency [Hz]"))
+    phase.set_ylim(-190, 190)
+    phase.set_xlabel(text("Frequency [Hz]"))
     return figure
 
 

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from ema.data.placement import Candidates, ControlStudy, Placement
 from ema.messages import text, word
-from ema.show.layout import in_series, subplots
 from ema.show.selection import check_positions
 from ema.show.style import BLACK, COLOUR_MAP, FAINT, GREY, PURPLE, SERIES, VERMILION, empty_note, new_figure, styled
 
@@ -178,7 +177,8 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
     prediction = placement.ranking.prediction
     levels = np.asarray(prediction.force_levels)
     order = np.argsort(levels)
-    figure, (left, right) = subplots(1, 2, height=3.4)
+    figure = new_figure(3.4)
+    left, right = figure.subplots(1, 2)
     left.plot(
         levels[order], place.normal_forces[order], marker="o", color=SERIES[0][0], label=text("best for each level")
     )
@@ -188,9 +188,9 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
         ylabel=text("Normal force per joint F_N [N]"),
         xlim=(0, None),
         ylim=(0, None),
-        title=text("Recommended normal force"),
     )
     left.legend()
+    left.set_title(text("Recommended normal force"))
     for m, mode in enumerate(prediction.modes):
         colour, line, marker = SERIES[m % len(SERIES)]
         right.plot(
@@ -211,13 +211,8 @@ def recommended_force(placement: Placement, rank: int = 1) -> Figure:
                 lw=0,
             )
         right.axhline(100 * prediction.bare_damping[m], color=colour, ls=":", lw=0.9)
-    right.set(
-        xlabel=text("Excitation force F_E [N]"),
-        ylabel=text("Damping ratio [%]"),
-        xlim=(0, None),
-        ylim=(0, None),
-        title=text("Damping at F_N = {force} N (dotted: bare; band: 95 %)", force=f"{place.normal_force:.3g}"),
-    )
+    right.set(xlabel=text("Excitation force F_E [N]"), ylabel=text("Damping ratio [%]"), xlim=(0, None), ylim=(0, None))
+    right.set_title(text("Damping at F_N = {force} N (dotted: bare; band: 95 %)", force=f"{place.normal_force:.3g}"))
     right.legend()
     return figure
 
@@ -244,8 +239,10 @@ def control_gain(study: ControlStudy) -> Figure:
     >>> len(control_gain(study).axes)
     2
     """
-    figure, (left, right) = subplots(1, 2, height=3.6, width_ratios=(1.4, 1))
-    for line, (colour, style, _) in in_series(study.lines):
+    figure = new_figure(3.6)
+    left, right = figure.subplots(1, 2, width_ratios=(1.4, 1))
+    for number, line in enumerate(study.lines):
+        colour, style, _ = SERIES[number % len(SERIES)]
         left.semilogy(
             1e3 * line.times,
             np.maximum(line.energies, 1e-12),
@@ -254,12 +251,10 @@ def control_gain(study: ControlStudy) -> Figure:
             label=f"{word(line.law)}, {line.force:.3g} N",
         )
     left.set(
-        xlabel=text("Time after the release [ms]"),
-        ylabel=text("Energy over that at the start [-]"),
-        ylim=(1e-5, 1.5),
-        title=text("Free vibration"),
+        xlabel=text("Time after the release [ms]"), ylabel=text("Energy over that at the start [-]"), ylim=(1e-5, 1.5)
     )
     left.legend(loc="lower left")
+    left.set_title(text("Free vibration"))
     order = np.argsort(study.force_levels)
     for values, label, (colour, style, marker) in (
         (study.constant_damping, text("one for all levels"), SERIES[0]),
@@ -271,7 +266,7 @@ def control_gain(study: ControlStudy) -> Figure:
         ylabel=text("Least damping of the modes [%]"),
         xlim=(0, None),
         ylim=(0, None),
-        title=text("Steady vibration"),
     )
     right.legend()
+    right.set_title(text("Steady vibration"))
     return figure

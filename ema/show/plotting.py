@@ -43,8 +43,7 @@ from ema.show import (
     stepped_levels,
 )
 from ema.show.joint_result import JointResult
-from ema.show.layout import subplots
-from ema.show.style import BLUE, styled
+from ema.show.style import BLUE, new_figure, styled
 
 
 def plot(thing: Any, **options: Any) -> Figure:
@@ -177,7 +176,8 @@ def _study(study: data.StudyResult, **options: Any) -> Figure:
 @styled
 def _ranking(ranking: data.Ranking) -> Figure:
     """Scores of the best locations with their 95 % intervals."""
-    figure, axes = subplots(height=3.2)
+    figure = new_figure(3.2)
+    axes = figure.subplots()
     places = ranking.places[:20]
     low, value, high = (
         [100 * getattr(place, name) for place in places] for name in ("score_low", "score", "score_high")
@@ -186,7 +186,9 @@ def _ranking(ranking: data.Ranking) -> Figure:
     off = [[max(0.0, v - a) for a, v in zip(low, value)], [max(0.0, b - v) for v, b in zip(value, high)]]
     axes.errorbar(numbers, value, off, fmt="o", ms=4, capsize=3, color=BLUE)
     axes.set_xticks(numbers)
-    axes.set(xlabel="Rank of the location", ylabel="Objective [%]", title=ranking.objective)
+    axes.set_xlabel("Rank of the location")
+    axes.set_ylabel("Objective [%]")
+    axes.set_title(ranking.objective)
     return figure
 
 

@@ -10,9 +10,8 @@ from matplotlib.patches import Circle
 from ema.data import ModalModel
 from ema.messages import text
 from ema.shapes import quality
-from ema.show.layout import empty_figure, subplots
 from ema.show.selection import chosen_modes
-from ema.show.style import BLUE, FAINT, VERMILION, styled
+from ema.show.style import BLUE, FAINT, VERMILION, empty_note, new_figure, styled
 
 PER_FIGURE = 12
 """Shapes in one figure, in rows of six."""
@@ -53,10 +52,12 @@ def complexity(model: ModalModel, modes: Sequence[int] | None = None) -> Figure:
     chosen = chosen_modes(model, modes, PER_FIGURE)
     columns = 6
     rows = max(1, -(-len(chosen) // columns))
+    figure = new_figure(1.95 * rows)
     if not len(chosen):
-        return empty_figure(text("no mode, no shape"), 1.95 * rows)
+        empty_note(figure.subplots(), text("no mode, no shape"))
+        return figure
     measures = quality(model.shapes)
-    figure, panels = subplots(rows, columns, height=1.95 * rows, squeeze=False)
+    panels = figure.subplots(rows, columns, squeeze=False)
     for panel, axes in enumerate(panels.flat):
         axes.set_axis_off()
         if panel >= len(chosen):

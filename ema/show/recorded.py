@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ema.data import Recording
-from ema.show.layout import empty_figure
-from ema.show.style import BLUE, GREY, VERMILION, new_figure, styled
+from ema.show.style import BLUE, GREY, VERMILION, empty_note, new_figure, styled
 from ema.units import UNSTATED
 
 MOST_ROWS = 12
@@ -36,7 +35,9 @@ def signals(recording: Recording) -> Figure:
     """
     shown = recording.channels[:MOST_ROWS]
     if not shown or not recording.signals.shape[1]:
-        return empty_figure("the record is empty", 1.5)
+        figure = new_figure(1.5)
+        empty_note(figure.subplots(), "the record is empty")
+        return figure
     figure = new_figure(0.6 + 1.15 * len(shown))
     panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     for row, (axes, channel) in enumerate(zip(panels, shown, strict=True)):
@@ -45,11 +46,10 @@ def signals(recording: Recording) -> Figure:
         axes.axhline(0, color=GREY, lw=0.6)
         axes.plot(times, values, color=VERMILION if over else BLUE, lw=0.8)
         at = f" at {channel.dof}" if channel.dof else ""
-        axes.set(
-            title=f"{channel.name}{at}" + (": overload" if over else ""),
-            ylabel=f"[{'unit unstated' if channel.unit == UNSTATED else channel.unit.replace('^2', '²')}]",
-        )
-    panels[-1].set(xlabel="Time [s]", xlim=(0, recording.duration))
+        axes.set_title(f"{channel.name}{at}" + (": overload" if over else ""))
+        axes.set_ylabel(f"[{'unit unstated' if channel.unit == UNSTATED else channel.unit.replace('^2', '²')}]")
+    panels[-1].set_xlabel("Time [s]")
+    panels[-1].set_xlim(0, recording.duration)
     if len(recording.channels) > len(shown):
         figure.suptitle(f"the first {len(shown)} of {len(recording.channels)} channels", fontsize=9)
     return figure

@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 from ema.data import Geometry, ModalModel
 from ema.errors import FailureError, InputError, MissingExtraError
 from ema.shapes import expand
-from ema.show.layout import subplots
-from ema.show.style import COLOUR_MAP, FAINT, styled
+from ema.show.style import COLOUR_MAP, FAINT, new_figure, styled
 
 _PROBE = """
 import pyvista
@@ -252,7 +251,8 @@ def rendered_shape(model: ModalModel, geometry: Geometry, mode: int, amplitude: 
     """
     drawn = scene(model, geometry, mode, amplitude)
     (picture,) = rendered_frames([drawn], [0.0], (1200, 900))
-    figure, axes = subplots(height=6.75)
+    figure = new_figure(6.75)
+    axes = figure.subplots()
     axes.imshow(picture)
     axes.set_axis_off()
     axes.set_title(drawn.title)

@@ -15,7 +15,6 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from ema.data import Geometry, ModalModel
 from ema.messages import text
 from ema.shapes import Expansion, expand, realise
-from ema.show.layout import empty_figure, subplots
 from ema.show.selection import check_located, chosen_modes
 from ema.show.style import (
     BLUE,
@@ -23,6 +22,7 @@ from ema.show.style import (
     FAINT,
     GREY,
     dof_labels,
+    empty_note,
     label_last_rows,
     new_figure,
     styled,
@@ -73,7 +73,9 @@ def mode_shapes(
     """
     chosen = chosen_modes(model, modes, PER_FIGURE)
     if not chosen or not len(geometry.nodes):
-        return empty_figure(text("no mode, no shape") if not chosen else text("the geometry has no point"), 1.5)
+        figure = new_figure(1.5)
+        empty_note(figure.subplots(), text("no mode, no shape") if not chosen else text("the geometry has no point"))
+        return figure
     check_located(geometry)
     expansion = expand(model, geometry, interpolate)
     along = _straight(geometry)
@@ -108,7 +110,8 @@ def _curves(
 ) -> Figure:
     columns = len(chosen) if len(chosen) <= 4 else 3
     rows = -(-len(chosen) // columns)
-    figure, panels = subplots(rows, columns, height=1.9 * rows + 0.3, squeeze=False, sharex=True, sharey=True)
+    figure = new_figure(1.9 * rows + 0.3)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     position = geometry.xyz @ along
     order = np.argsort(position)
     for panel, axes in enumerate(panels.flat):
@@ -245,9 +248,11 @@ def shapes_over_dofs(model: ModalModel, modes: Sequence[int] | None = None) -> F
     chosen = chosen_modes(model, modes, PER_FIGURE)
     columns = 2 if len(chosen) > 1 else 1
     rows = max(1, -(-len(chosen) // columns))
+    figure = new_figure(1.5 * rows + 0.6)
     if not chosen:
-        return empty_figure(text("no mode, no shape"), 1.5 * rows + 0.6)
-    figure, panels = subplots(rows, columns, height=1.5 * rows + 0.6, squeeze=False, sharex=True, sharey=True)
+        empty_note(figure.subplots(), text("no mode, no shape"))
+        return figure
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     shapes = realise(model.shapes)
     places = np.arange(len(model.dofs))
     for panel, axes in enumerate(panels.flat):

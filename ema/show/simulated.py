@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ema.data import ControlLine, CuttingLimits, Decay, HarmonicResponse, Loop, Response
 from ema.errors import InputError
 from ema.messages import text
-from ema.show.layout import empty_figure, in_series, subplots
 from ema.show.style import FAINT, GREY, SERIES, empty_note, new_figure, styled
 
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -22,11 +22,6 @@ def _scaled(values: Sequence[Float[np.ndarray, "_"]], unit: str) -> tuple[float,
         if largest >= factor:
             return factor, prefix + unit
     return 1.0, unit
-
-
-def _named(labels: Sequence[str], own: Sequence[str]) -> list[str]:
-    """The labels that were given, and the own names of the things that have none."""
-    return [*labels[: len(own)], *own[len(labels) :]]
 
 
 @styled
@@ -59,19 +54,24 @@ def motion(responses: Sequence[Response] | Response, labels: Sequence[str] = ())
     2
     """
     runs = [responses] if isinstance(responses, Response) else list(responses)
+    figure = new_figure(4.6)
     if not runs or not len(runs[0].dofs):
-        return empty_figure(text("no motion"), 4.6)
-    figure, (upper, lower) = subplots(2, 1, height=4.6, sharex=True, height_ratios=[3, 2])
+        empty_note(figure.subplots(), text("no motion"))
+        return figure
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     factor, unit = _scaled([np.asarray(run.displacements[0]) for run in runs], "m")
-    names = _named(labels, [run.name for run in runs])
-    for (run, name), (colour, style, _) in in_series(zip(runs, names, strict=True)):
+    for number, run in enumerate(runs):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        name = labels[number] if number < len(labels) else run.name
         upper.plot(
             run.times, run.displacements[0] / factor, color=colour, lw=1.0, label=name, rasterized=len(run.times) > 5000
         )
         start = float(run.energy.total[0]) or float(np.max(run.energy.total)) or 1.0
         lower.plot(run.times, 100 * run.energy.total / start, color=colour, ls=style, label=name)
     upper.set_ylabel(text("Displacement of {dof} [{unit}]", dof=runs[0].dofs[0], unit=unit))
-    lower.set(ylabel=text("Energy left [%]"), ylim=(0, None), xlabel=text("Time [s]"))
+    lower.set_ylabel(text("Energy left [%]"))
+    lower.set_ylim(bottom=0)
+    lower.set_xlabel(text("Time [s]"))
     if len(runs) > 1 or labels:
         upper.legend(loc="upper right", ncols=4)
     return figure
@@ -134,9 +134,11 @@ def contact_loops(response: Response, most: int = 4) -> Figure:
         shares.bar(place + 1, response.dissipated[place], color=colour, width=0.8, zorder=3)
     others = [place for place in range(count) if place not in chosen]
     shares.bar(np.array(others) + 1, response.dissipated[others], color=FAINT, width=0.8)
-    loops.set(xlabel=text("Relative displacement [{unit}]", unit=unit), ylabel=text("Friction force [N]"))
+    loops.set_xlabel(text("Relative displacement [{unit}]", unit=unit))
+    loops.set_ylabel(text("Friction force [N]"))
     figure.legend(title=text("contact"), loc="outside right upper")
-    shares.set(xlabel=text("Contact"), ylabel=text("Energy dissipated [J]"))
+    shares.set_xlabel(text("Contact"))
+    shares.set_ylabel(text("Energy dissipated [J]"))
     return figure
 
 
@@ -174,20 +176,26 @@ def steady_states(responses: Sequence[HarmonicResponse] | HarmonicResponse, labe
     2
     """
     runs = [responses] if isinstance(responses, HarmonicResponse) else list(responses)
+    figure = new_figure(4.8)
     if not runs or not len(runs[0].frequencies) or not len(runs[0].dofs):
-        return empty_figure(text("no steady state"), 4.8)
-    figure, (upper, lower) = subplots(2, 1, height=4.8, sharex=True, height_ratios=[3, 1.3])
+        empty_note(figure.subplots(), text("no steady state"))
+        return figure
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
     gains = [np.abs(_order(run, 1)) / run.force for run in runs]
     factor, unit = _scaled(gains, "m")
-    names = _named(labels, [f"{run.force:g} N" for run in runs])
-    for (run, gain, name), (colour, style, _) in in_series(zip(runs, gains, names, strict=True)):
+    for number, (run, gain) in enumerate(zip(runs, gains, strict=True)):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        name = labels[number] if number < len(labels) else f"{run.force:g} N"
         upper.plot(run.frequencies, gain / factor, color=colour, ls=style, label=name)
         rest = [np.abs(_order(run, int(k))) for k in run.orders if k > 1]
         share = np.max(rest, axis=0) / (gain * run.force) if rest else 0 * gain
         lower.plot(run.frequencies, 100 * share, color=colour, ls=style)
-    upper.set(yscale="log", ylabel=f"|X({runs[0].dofs[0]})| / F [{unit}/N]")
+    upper.set_yscale("log")
+    upper.set_ylabel(f"|X({runs[0].dofs[0]})| / F [{unit}/N]")
     upper.legend(title=text("force level"), loc="upper right")
-    lower.set(ylabel=text("Harmonics [%]"), ylim=(0, None), xlabel=text("Frequency [Hz]"))
+    lower.set_ylabel(text("Harmonics [%]"))
+    lower.set_ylim(bottom=0)
+    lower.set_xlabel(text("Frequency [Hz]"))
     lower.margins(x=0)
     return figure
 
@@ -229,15 +237,20 @@ def hysteresis(loops: Sequence[Loop] | Loop, labels: Sequence[str] = ()) -> Figu
     1
     """
     drawn = [loops] if isinstance(loops, Loop) else list(loops)
+    figure = new_figure(3.8, 6.5)
+    axes = figure.subplots()
     if not drawn:
-        return empty_figure(text("no loop"), 3.8, 6.5)
-    figure, axes = subplots(height=3.8, width=6.5)
+        empty_note(axes, text("no loop"))
+        return figure
     factor, unit = _scaled([np.asarray(loop.displacements) for loop in drawn], "m")
-    names = _named(labels, [loop.name for loop in drawn])
-    for (loop, name), (colour, style, _) in in_series(zip(drawn, names, strict=True)):
-        label = f"{name}: {_energy(loop.area)}".lstrip(": ")
+    for number, loop in enumerate(drawn):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        name = labels[number] if number < len(labels) else loop.name
+        area = _energy(loop.area)
+        label = f"{name}: {area}".lstrip(": ")
         axes.plot(loop.displacements / factor, loop.forces, color=colour, ls=style, lw=1.1, label=label)
-    axes.set(xlabel=text("Relative displacement [{unit}]", unit=unit), ylabel=text("Force [N]"))
+    axes.set_xlabel(text("Relative displacement [{unit}]", unit=unit))
+    axes.set_ylabel(text("Force [N]"))
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title=text("energy per cycle"))
     return figure
 
@@ -272,11 +285,14 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit:
     3
     """
     drawn = [decays] if isinstance(decays, Decay) else list(decays)
+    figure = new_figure(5.2)
     if not drawn:
-        return empty_figure(text("no ring-down"), 5.2)
-    figure, (first, second, third) = subplots(3, 1, height=5.2)
-    names = _named(labels, [decay.name for decay in drawn])
-    for (decay, name), (colour, style, _) in in_series(zip(drawn, names, strict=True)):
+        empty_note(figure.subplots(), text("no ring-down"))
+        return figure
+    first, second, third = figure.subplots(3, 1)
+    for number, decay in enumerate(drawn):
+        colour, style, _ = SERIES[number % len(SERIES)]
+        name = labels[number] if number < len(labels) else decay.name
         first.semilogy(decay.times, decay.amplitudes, color=colour, ls=style, label=name)
         if np.isfinite(decay.knee):
             first.axvline(decay.knee, color=colour, lw=0.8, ls=(0, (2, 2)))
@@ -297,9 +313,9 @@ def ring_down(decays: Sequence[Decay] | Decay, labels: Sequence[str] = (), unit:
     amplitude = text("Amplitude [{unit}]", unit=unit) if unit else text("Amplitude")
     first.set_ylabel(amplitude)
     second.set_ylabel(text("Frequency [Hz]"))
-    third.set(ylabel=text("Damping ratio [%]"), xlabel=amplitude)
-    if len(drawn) > 1 or labels:
-        first.legend(loc="upper right", ncols=3)
+    third.set_ylabel(text("Damping ratio [%]"))
+    third.set_xlabel(amplitude)
+    _legend(first, drawn, labels)
     return figure
 
 
@@ -309,6 +325,11 @@ def _readable(decay: Decay) -> np.ndarray:
     new = decay.amplitudes >= np.maximum.accumulate(decay.amplitudes[::-1])[::-1]
     far = ~(np.abs(decay.times - decay.knee) <= 1 / decay.frequencies)
     return np.asarray(new & far & (decay.damping_ratios > 0))
+
+
+def _legend(axes: Axes, held: Sequence[Decay], labels: Sequence[str]) -> None:
+    if len(held) > 1 or labels:
+        axes.legend(loc="upper right", ncols=3)
 
 
 @styled
@@ -338,16 +359,15 @@ def tool_point(lines: Sequence[ControlLine], limits: CuttingLimits | None = None
     """
     figure = new_figure(3.6)
     left, *others = figure.subplots(1, 1 if limits is None else 2, squeeze=False)[0]
-    for line, (colour, style, _) in in_series(lines):
+    for number, line in enumerate(lines):
+        colour, style, _ = SERIES[number % len(SERIES)]
         energies = np.maximum(line.energies, 1e-12)
         left.semilogy(1e3 * line.times, energies, color=colour, ls=style, label=f"{line.law}, {line.force:g} N")
     left.set(
-        xlabel=text("Time after the release [ms]"),
-        ylabel=text("Energy over that at the start [-]"),
-        ylim=(1e-5, 1.5),
-        title=text("Free vibration"),
+        xlabel=text("Time after the release [ms]"), ylabel=text("Energy over that at the start [-]"), ylim=(1e-5, 1.5)
     )
     left.legend(loc="lower left")
+    left.set_title(text("Free vibration"))
     if limits is None:
         return figure
     right = others[0]
@@ -368,8 +388,8 @@ def tool_point(lines: Sequence[ControlLine], limits: CuttingLimits | None = None
         xlabel=text("Amplitude of the cutting force [N]"),
         ylabel=text("Depth at which chatter persists [mm]"),
         xscale="log",
-        ylim=(0, None),
-        title=text("In the cut (grey: other constant F_N)"),
     )
+    right.set_ylim(bottom=0)
     right.legend()
+    right.set_title(text("In the cut (grey: other constant F_N)"))
     return figure

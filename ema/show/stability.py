@@ -6,8 +6,7 @@ from matplotlib.figure import Figure
 
 from ema.data import ModalModel, PoleTable
 from ema.messages import mark, text
-from ema.show.layout import subplots
-from ema.show.style import BLUE, FAINT, GREEN, GREY, ORANGE, empty_note, mark_modes, styled
+from ema.show.style import BLUE, FAINT, GREEN, GREY, ORANGE, empty_note, mark_modes, new_figure, styled
 
 LETTERS = {
     "o": (mark("new"), FAINT, 10),
@@ -56,9 +55,12 @@ def stabilisation(
     >>> stabilisation(table).axes[0].get_ylabel()
     'Model order'
     """
-    figure, axes = subplots(height=5.2)
+    figure = new_figure(5.2)
+    axes = figure.subplots()
     low, high = poles.band
-    axes.set(xlim=(low, high), xlabel=text("Frequency [Hz]"), ylabel=text("Model order"))
+    axes.set_xlim(low, high)
+    axes.set_xlabel(text("Frequency [Hz]"))
+    axes.set_ylabel(text("Model order"))
     if not len(poles.poles):
         empty_note(axes, text("no pole was found"))
         return figure
