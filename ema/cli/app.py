@@ -161,7 +161,7 @@ def demo(
     return status
 
 
-def _done(study: "ema.Study", others: list[str], work: Work, *, limit: str | None, json: bool) -> int:
+def _done(study: "Study", others: list[str], work: Work, *, limit: str | None, json: bool) -> int:
     """Do a study and show its result; the exit status."""
     from ema.cli import screen
     from ema.cli.cluster import workers

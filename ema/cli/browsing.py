@@ -126,7 +126,7 @@ def _of_result(path: Path, result: StudyResult, progress: Progress, maps: Sequen
     return _with_signals(bench, study, campaign) if current else bench
 
 
-def study_of(path: Path, result: StudyResult) -> "ema.Study | None":
+def study_of(path: Path, result: StudyResult) -> "Study | None":
     """The study that a result was made by, where its recipe or campaign is still what it was.
 
     A recipe is looked for by the name in the provenance of the result: beside it, one folder up, and in the folder
@@ -148,7 +148,7 @@ def study_of(path: Path, result: StudyResult) -> "ema.Study | None":
     return None
 
 
-def _with_signals(bench: "Workbench", study: "ema.Study", campaign: Campaign) -> "Workbench":
+def _with_signals(bench: "Workbench", study: "Study", campaign: Campaign) -> "Workbench":
     """The workbench that can compute runs again, show FRFs behind maps, and keep what was excluded."""
     where = campaign_file(study.campaign)
     bench.again = partial(_again, campaign, study)
@@ -272,7 +272,7 @@ def _table(run: str, one: "Exclusion") -> str:
 
 
 def _again(
-    campaign: Campaign, study: "ema.Study", run: str, excluded: Sequence["Exclusion"]
+    campaign: Campaign, study: "Study", run: str, excluded: Sequence["Exclusion"]
 ) -> tuple[FrfSet, HitGallery | None, PoleTable]:
     """FRFs, impacts and poles of a run without some of its impacts."""
     from ema import fit
@@ -288,7 +288,7 @@ def _again(
     return whole, hits, fit.stabilise(alive, orders=orders)
 
 
-def _look(campaign: Campaign, study: "ema.Study", run: str) -> FrfSet:
+def _look(campaign: Campaign, study: "Study", run: str) -> FrfSet:
     """FRFs of a run, as the study estimates them."""
     from ema.study.measured import frfs_of
 

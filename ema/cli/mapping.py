@@ -28,7 +28,7 @@ class MapWanted:
     force: Annotated[list[float] | None, typer.Option(help="Nominal normal force in N (repeat).")] = None
     level: Annotated[list[float] | None, typer.Option(help="Nominal force level in N (repeat).")] = None
 
-    def tables(self, study: "ema.Study") -> "list[MapTable]":
+    def tables(self, study: "Study") -> "list[MapTable]":
         """The maps of the recipe, or those of the frequencies given, with the other options over them.
 
         Raises
