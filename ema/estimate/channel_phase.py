@@ -71,7 +71,8 @@ def _turned(
     The one farthest off is taken out until the others have one phase; fewer than half may be taken out. Then those
     taken out are judged by the resonances at which the others have one phase.
     """
-    kept, out = list(range(squares.shape[1])), []
+    kept = list(range(squares.shape[1]))
+    out: list[int] = []
     while len(kept) >= FEWEST_OUTPUTS - 1 and 2 * len(kept) > squares.shape[1]:
         cosines = [_towards(squares, sizes, row, [other for other in kept if other != row])[0] for row in kept]
         if min(cosines) >= STRAIGHT:
