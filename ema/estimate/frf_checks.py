@@ -9,7 +9,7 @@ from ema.data import Finding, FrfSet, HitGallery, ModalModel
 from ema.dof import match
 from ema.errors import InputError
 from ema.estimate import force_or_response
-from ema.estimate.channel_phase import turned_channels
+from ema.estimate.quarter_turns import turned_channels
 from ema.estimate.turned_sensors import turned_sensors
 
 LOW_COHERENCE = 0.8

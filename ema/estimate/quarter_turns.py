@@ -2,7 +2,8 @@
 
 At the resonance of a lightly damped mode all FRFs have one phase, up to signs. That of one response which was stated in
 the unit of a neighbouring derivative lies a right angle off at every resonance, for H / (j w) stands in place of H. The
-poles are right, and every shape is wrong there.
+poles are right, and every shape is wrong there. Delays and filters, whose angle follows the frequency, are looked for
+in ``ema.fit.channel_phase``.
 
 Of 355 random systems with four responses and three modes or more (2 to 16 complex modes, one response of each
 integrated over time), the shapes name the right response in 304 and another one in none; of 800 without a fault none is
