@@ -29,7 +29,7 @@ _BUDGETS = 20
 _FEWEST, _FEWER, _SPARE = 9, 0.8, 0.1
 """Harmonics at least; the share of them that the next point begins with where the error is below that part of the
 tolerance."""
-_EDGE = 1e-9
+AT_EDGE = 1e-9
 """Share of the band within which a point is at its edge: rounding."""
 _CLOSED = 0.75
 """Distance of a point from the first one, over the length of a step, at which a curve is closed."""
@@ -170,7 +170,7 @@ class _Walk:
         last = self.points[-1]
         count = (len(last) - 1) // (2 * len(self.condensed.limits))
         begin, edge = self.resized(before, count), float(last[-1] > 0.5)
-        if abs(last[-1] - edge) <= _EDGE or last[-1] == begin[-1]:
+        if abs(last[-1] - edge) <= AT_EDGE or last[-1] == begin[-1]:
             return
         ahead = begin + (edge - begin[-1]) / (last[-1] - begin[-1]) * (last - begin)
         kept, self.tangent = self.tangent, np.append(np.zeros(len(last) - 1), 1.0)
@@ -232,7 +232,7 @@ def _walked(walk: _Walk, first: np.ndarray, direction: np.ndarray) -> tuple[str,
         before, turned = walk.points[-1], None
         walk.step_to(*found)
         count = (len(walk.points[-1]) - 1) // (2 * len(walk.condensed.limits))
-        if not -_EDGE <= walk.points[-1][-1] <= 1 + _EDGE:
+        if not -AT_EDGE <= walk.points[-1][-1] <= 1 + AT_EDGE:
             walk.end_at_edge(before)
             return "edge", ""
         begin, start, heading = (walk.resized(part, count) for part in (before, first, direction))

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from jaxtyping import Float
 
 from ema.data import BeamModel
 from ema.data.stability import UNDECIDED, FloquetMultipliers, SteadyStateCurve
@@ -13,7 +14,7 @@ from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.checks import is_number
 from ema.simulate.coexistence import DISTINCT, Search, condensed_model, refined, search_at, whole
-from ema.simulate.curve_following import Followed, follow
+from ema.simulate.curve_following import AT_EDGE, Followed, follow
 from ema.simulate.harmonic import Condensed, _Point, with_harmonics
 from ema.simulate.stability import multipliers_of
 from ema.simulate.steady_states import HarmonicBalance
@@ -112,7 +113,7 @@ def frf_curves(
     # where the first curve was lost, one that begins elsewhere may be the rest of it
     lost = any("lost" in curve.ends for curve in curves[:1])
     curves = [replace(one, detached=one.detached and not lost and "lost" not in one.ends) for one in curves]
-    return tuple(_with_stability(condensed, curve, stability) for curve in curves)
+    return tuple(_with_stability(condensed, curve, band, stability) for curve in curves)
 
 
 def _contains(condensed: Condensed, curve: Followed, part: Followed) -> bool:
@@ -160,7 +161,17 @@ def _curve(condensed: Condensed, point: _Point, edges: tuple[float, float]) -> F
     )
 
 
-def _with_stability(condensed: Condensed, curve: Followed, stability: bool) -> SteadyStateCurve:
+def _in_hertz(omegas: Float[np.ndarray, "point"], band: tuple[float, float]) -> Float[np.ndarray, "point"]:
+    """Frequencies of points; one that rounding alone keeps from an edge of the band is at this edge."""
+    frequencies = omegas / (2 * np.pi)
+    for edge in band:
+        frequencies[np.abs(frequencies - edge) <= AT_EDGE * (band[1] - band[0])] = edge
+    return frequencies
+
+
+def _with_stability(
+    condensed: Condensed, curve: Followed, band: tuple[float, float], stability: bool
+) -> SteadyStateCurve:
     """The curve with multipliers at some of its points, and the verdicts between those that agree."""
     points = [
         _point(condensed, float(omega), amplitudes, float(error))
@@ -181,7 +192,7 @@ def _with_stability(condensed: Condensed, curve: Followed, stability: bool) -> S
             ]
     verdicts, losses = _between(known, len(points))
     return SteadyStateCurve(
-        frequencies=curve.omegas / (2 * np.pi),
+        frequencies=_in_hertz(curve.omegas, band),
         values=np.array([condensed.first(point) for point in points]),
         dofs=condensed.problem.outputs,
         force=condensed.force,

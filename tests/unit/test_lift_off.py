@@ -112,7 +112,7 @@ def test_the_peak_of_a_resonance_that_folds_is_where_a_sweep_downwards_finds_it(
     """At twice the level of the test below the flank is steep, and the way to the motion of the peak long."""
     none = (np.zeros(2), np.full(2, 1e-12), 0.0, secant_table("masing", ()), np.full(2, 60.0))
     patch = Patches(np.full(2, 60.0), np.full(2, 0.016), 1.0)
-    (frequency, _, opening), _ = _peak(0, (400.0, 530.0), 6.0, sliding, none, patch)
+    (frequency, _, opening, _), _ = _peak(0, (400.0, 530.0), 6.0, sliding, none, patch)
     assert opening < 1
     frequencies = 475.5 - 0.2 * np.arange(9)
     heights = in_steps_down(sliding, 6.0, frequencies, True)
@@ -124,7 +124,7 @@ def test_a_motion_that_does_not_settle_is_no_resonance(sliding: tuple[np.ndarray
     """From 7.5 N on the way leads from one motion to another and back: a fold without a peak in between."""
     none = (np.zeros(2), np.full(2, 1e-12), 0.0, secant_table("masing", ()), np.full(2, 60.0))
     patch = Patches(np.full(2, 60.0), np.full(2, 0.016), 1.0)
-    (frequency, damping, _), _ = _peak(0, (400.0, 530.0), 7.5, sliding, none, patch)
+    (frequency, damping, _, _), _ = _peak(0, (400.0, 530.0), 7.5, sliding, none, patch)
     assert np.isnan(frequency) and np.isnan(damping)
 
 
@@ -134,8 +134,8 @@ def test_a_structure_whose_patches_lift_off_at_their_edges_has_the_peak_that_it_
     none = (np.zeros(2), np.full(2, 1e-12), 0.0, secant_table("masing", ()), np.full(2, 60.0))
     band, level = (450.0, 530.0), 3.0
     patch = Patches(np.full(2, 60.0), np.full(2, 0.016), 1.0)
-    (linear, _, opening), _ = _peak(0, band, level, sliding, none, None)
-    (lifted, _, again), _ = _peak(0, band, level, sliding, none, patch)
+    (linear, _, opening, _), _ = _peak(0, band, level, sliding, none, None)
+    (lifted, _, again, _), _ = _peak(0, band, level, sliding, none, patch)
     assert again == opening < 1
     assert peak_in_time(sliding, level, linear, False) == pytest.approx(linear, rel=1e-4)
     assert peak_in_time(sliding, level, lifted, True) == pytest.approx(lifted, abs=0.2 * (linear - lifted))

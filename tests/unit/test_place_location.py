@@ -197,7 +197,7 @@ def test_modes_with_a_beam_on_and_no_location_are_refused(tmp_path):
     from ema.data import Condition, JointForce
 
     recipe, (model, geometry) = loaded(tmp_path, PLATE), twisting()
-    with pytest.raises(InputError, match="no location for the beam"):
+    with pytest.raises(InputError, match="no location for a beam"):
         place.forecast_at(recipe, model, geometry, [])
     worn = replace(model, condition=Condition(joints=(JointForce("J1", 100.0),)))
     with pytest.raises(InputError, match="measured with a friction beam"):

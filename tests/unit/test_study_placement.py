@@ -10,7 +10,8 @@ from ema.data.forecast import Forecast
 from ema.errors import InputError
 from ema.report.blocks import Book
 from ema.report.forecast import forecast_blocks, verdict
-from ema.study import expectations, friction
+from ema.study import expectations
+from ema.study import placement as study_placement
 from ema.study.recipe import parse
 from tests.unit.friction_nouns import placement
 from tests.unit.placement_rig import RECIPE
@@ -87,18 +88,18 @@ def test_a_wrong_key_is_told_with_its_table_and_line(extra, words):
 def test_a_forecast_is_held_against_the_maps_named():
     recipe = parse(inline('[placement.forecast]\nnormal_force = ["50 N"]\nmaps = ["mode 1"]\n')).placement
     placed = replace(placement(), forecast=told())
-    found = friction.forecast_check(recipe, placed, [measured(), measured(2.0, "mode 3")])
+    found = study_placement.forecast_check(recipe, placed, [measured(), measured(2.0, "mode 3")])
     assert (found.inside, found.values) == (8, 8)
     with pytest.raises(InputError, match=r"a map that does not exist.*got mode 1, expected one of mode 3"):
-        friction.forecast_check(recipe, placed, [measured(2.0, "mode 3")])
-    assert friction.forecast_check("place.toml", placed, [measured()]) is None
+        study_placement.forecast_check(recipe, placed, [measured(2.0, "mode 3")])
+    assert study_placement.forecast_check("place.toml", placed, [measured()]) is None
 
 
 def test_what_is_expected_of_a_placement():
     text = '[placement.expect]\ncentre = ["1 m", "0.4 m"]\nnormal_force = "123 N"\ninside = 7\n'
     recipe = parse(inline('[placement.forecast]\nnormal_force = ["50 N"]\nmaps = ["mode 1"]\n' + text)).placement
     placed = replace(placement(), forecast=told())
-    checked = friction.forecast_check(recipe, placed, [measured(1.5)])
+    checked = study_placement.forecast_check(recipe, placed, [measured(1.5)])
     found = expectations.of_placement(recipe, placed, checked)
     assert [one.met for one in found] == [True, True, True, False] and found[-1].found == 4
     assert expectations.of_placement("place.toml", placed, None) == ()
@@ -109,7 +110,7 @@ def test_what_is_expected_of_a_placement():
 def test_the_report_says_how_many_values_lie_inside():
     recipe = parse(inline('[placement.forecast]\nnormal_force = ["50 N"]\nmaps = ["mode 1"]\n')).placement
     placed = replace(placement(), forecast=told())
-    checked = friction.forecast_check(recipe, placed, [measured(1.5)])
+    checked = study_placement.forecast_check(recipe, placed, [measured(1.5)])
     assert verdict(checked).startswith("4 of 8 measured values") and "fewer than" in verdict(checked)
     book = Book(png=False)
     forecast_blocks(checked, book)
