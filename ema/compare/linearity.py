@@ -24,7 +24,7 @@ from jaxtyping import Complex, Float
 
 from ema.data import Finding, Lazy, LevelEffect, Run
 from ema.data.modal import COVERAGE_FACTOR
-from ema.estimate.impact_decays import CUT, LATE, FreeDecays, ImpactDecays, free_decays, late_decays
+from ema.estimate.impact_decays import LATE, FreeDecays, ImpactDecays, free_decays, late_decays
 from ema.progress import Progress, silent
 
 TWICE = float(np.log(2.0))
@@ -284,7 +284,8 @@ def judge(decays: ImpactDecays) -> Linearity:
         # The points are a range of levels.
         decay = level_dependence(ratio, variance, energy, _vibration(decays)[0], [0] * len(points))
         return _decided(None, decay, decays)
-    whole = float(np.median(decays.cut)) < CUT
+    # a window is set for all impacts, and takes a little of those too whose contact it just outlasts
+    whole = not decays.cut.any()
     constants = level_dependence(*_constants(decays), energy, decays.peaks, points) if whole else None
     once = np.flatnonzero(decays.again < AGAIN)
     levels, where = _separate_levels(decays)[once], [points[int(row)] for row in once]

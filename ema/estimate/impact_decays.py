@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.signal
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from ema.data import Run, damping_ratios, natural_frequencies
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import channels
-from ema.estimate.judge import Judged, judge_record
+from ema.estimate.judge import TOLERATED, Judged, judge_record, lost_of_half_sine
 from ema.progress import Progress, advance, silent
 
 LATE = 0.4
@@ -50,11 +50,9 @@ _ROUNDING = 1e-12
 _BEHIND = 3
 """Samples behind the last contact that still hold the foot of the force, smeared by the filters of the front end."""
 
-CUT = 0.02
-"""Force at half the sampling rate, over that at 0 Hz, from which on the force was cut off after it was sampled (a force
-window that closes within the contact): it is not the force on the structure, and modal constants say nothing. The
-impacts on the work table, behind an anti-alias filter, have 0.005 to 0.007; 10 of 10 tables with such a window have
-more than the limit."""
+_SILENT = 16
+"""Samples behind a drop of the force that are equal to the last bit where a force window has closed. Noise of a third of
+a step of the converter leaves as many equal once in a thousand times, and less noise does so before the impact too."""
 _LEFT = 2
 """Length of a pulse that was cut off, as often as the hammer may press on behind it. A half sine is above half of its
 peak from a sixth of its length on, which is where such windows close: up to twice what they leave is missing."""
@@ -74,7 +72,8 @@ class ImpactDecays:
     forces : Laplace transform of the force of each impact at the poles, N s, shape (impact, mode): a linear structure
         answers with amplitudes that are proportional to them.
     peaks : N, shape (impact,).
-    cut : force at half the sampling rate over that at 0 Hz, shape (impact,): nothing behind an anti-alias filter.
+    cut : whether a force window closed while the hammer still pressed, shape (impact,): ``forces`` is not the force on
+        the structure then.
     inputs : DOF of each impact; ``outputs`` those of the responses.
     behind : the same amplitudes read between the impact and the late decay, extrapolated back as well, with their
         ``behind_variance``. In a linear structure they differ from ``amplitudes`` by what other modes leave in them,
@@ -91,7 +90,7 @@ class ImpactDecays:
     variance: Float[np.ndarray, "impact mode out"]
     forces: Complex[np.ndarray, "impact mode"]
     peaks: Float[np.ndarray, "impact"]
-    cut: Float[np.ndarray, "impact"]
+    cut: Bool[np.ndarray, "impact"]
     inputs: tuple[Dof, ...]
     outputs: tuple[Dof, ...]
     behind: Complex[np.ndarray, "impact mode out"]
@@ -117,7 +116,7 @@ class ImpactBlock:
     """Responses behind one impact (out, sample) at the reduced rate, and the force of its contacts.
 
     ``record`` is the number of its record; ``start``, ``ring`` and ``first`` are the samples of the record at which the
-    impact, the free decay and ``force`` begin.
+    impact, the free decay and ``force`` begin. ``cut`` says whether a force window closed within a contact.
     """
 
     record: int
@@ -127,6 +126,7 @@ class ImpactBlock:
     first: int
     force: Float[np.ndarray, "contact"]
     decay: Float[np.ndarray, "out sample"]
+    cut: bool
 
 
 @dataclass(frozen=True)
@@ -282,18 +282,35 @@ def _block(
         touching[max(first - 2, 0) : last + _BEHIND] = True
     first, last = min(first for first, _ in contacts), max(last for _, last in contacts)
     part = slice(max(first - 2, 0), last + _BEHIND)
-    pulse = np.where(touching, force - impact.offset, 0.0)[part]
-    left = _LEFT * (impact.pulse.stop - impact.pulse.start) if _at_nyquist(pulse) > CUT else 0
-    ring = last + _BEHIND + left
+    cut = _cut_off(force, impact, first, last)
+    ring = last + _BEHIND + (_LEFT * (impact.pulse.stop - impact.pulse.start) if cut else 0)
     return ImpactBlock(
         record,
         impact,
         layout.outputs,
         ring,
         part.start,
-        pulse,
+        np.where(touching, force - impact.offset, 0.0)[part],
         signals[:, ring : impact.start + impact.after : step],
+        cut,
     )
+
+
+def _cut_off(force: Float[np.ndarray, "sample"], impact: Judged, first: int, last: int) -> bool:
+    """Whether a force window closes between the samples ``first`` and ``last`` while the hammer still presses.
+
+    The force drops and is constant to the last bit behind, where noise or what a filter rings was before the impact.
+    Short pulses drop as steeply: a force without any noise does not tell one from the other, and counts as whole.
+    """
+    before = force[max(first - _SILENT, 0) : first]
+    if not len(before) or not np.ptp(before):
+        return False
+    steps = np.diff(force[first : last + _BEHIND + _SILENT])
+    if len(steps) < _SILENT:
+        return False
+    behind = np.lib.stride_tricks.sliding_window_view(steps == 0, _SILENT - 1)[1:].all(axis=1)
+    drops = -np.sign(impact.pulse.peak) * steps[: len(behind)] / abs(impact.pulse.peak)
+    return bool(np.any(lost_of_half_sine(drops[behind]) > TOLERATED))
 
 
 def late_part(blocks: Sequence[ImpactBlock], rate: float, later: float) -> LatePart | None:
@@ -480,7 +497,7 @@ def _extrapolated(
         variance=np.abs(back) ** 2 * spread,
         forces=forces,
         peaks=np.array([_peak(block.force) for block in blocks]),
-        cut=np.array([_at_nyquist(block.force) for block in blocks]),
+        cut=np.array([block.cut for block in blocks]),
         inputs=tuple(block.impact.dof for block in blocks),
         outputs=blocks[0].outputs,
         behind=early * shorter - ringing,
@@ -505,10 +522,6 @@ def _peak(force: Float[np.ndarray, "sample"]) -> float:
 _FINER = 16
 """Points per sample at which a pulse is read between its samples: half a point off, the peak of a half sine of two
 samples is missed by 0.1 %."""
-
-
-def _at_nyquist(force: Float[np.ndarray, "sample"]) -> float:
-    return abs(float(np.sum(force[::2]) - np.sum(force[1::2]))) / max(abs(float(np.sum(force))), np.finfo(float).tiny)
 
 
 def _amplitudes(

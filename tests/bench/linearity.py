@@ -6,6 +6,7 @@ a linear loss of the joint is not in it. The gate sees nothing but the records.
 
     python -m tests.bench.linearity --n 400 --seed 1
     python -m tests.bench.linearity --n 40 --misplaced 0.1    # linear ones, whose impacts miss their points
+    python -m tests.bench.linearity --n 200 --linear    # linear ones, their kinds in turn
     python -m tests.bench.linearity --n 60 --shares 0.05 0.4 --quick    # a class of shares, drawn at a fifth of the time
 """
 
@@ -329,15 +330,19 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first table, to go on where a run ended")
     parser.add_argument("--misplaced", type=float, help="linear tables alone, whose impacts miss their points by this")
+    parser.add_argument("--linear", action="store_true", help="linear tables alone, their kinds in turn")
     parser.add_argument("--shares", type=float, nargs=2, default=(LEAST, MOST), help="range to draw the shares from")
     parser.add_argument("--quick", action="store_true", help="search the normal force on few points")
     given = parser.parse_args()
     outcomes = []
     for number in range(given.first, given.first + given.n):
-        if given.misplaced is None:
-            table = drawn(given.seed, number, tuple(given.shares), given.quick)
+        rng = np.random.default_rng([given.seed, number])
+        if given.misplaced is not None:
+            table = misplaced_table(rng, given.misplaced)
+        elif given.linear:
+            table = linear_table(rng, LINEAR[number % len(LINEAR)])
         else:
-            table = misplaced_table(np.random.default_rng([given.seed, number]), given.misplaced)
+            table = drawn(given.seed, number, tuple(given.shares), given.quick)
         outcomes.append(outcome(table))
         one = outcomes[-1]
         print(f"{number:4d}  {one.kind:28s} {one.share:8.2%}  {one.verdict}", flush=True)
