@@ -51,8 +51,8 @@ _BEHIND = 3
 """Samples behind the last contact that still hold the foot of the force, smeared by the filters of the front end."""
 
 _SILENT = 16
-"""Samples behind a drop of the force that are equal to the last bit where a force window has closed. Noise of a third of
-a step of the converter leaves as many equal once in a thousand times, and less noise does so before the impact too."""
+"""Samples behind a drop of the force that are equal to the last bit where a force window has closed. Noise of half a
+step of the converter leaves as many equal twice in a thousand times; less noise does so before the impact as well."""
 _LEFT = 2
 """Length of a pulse that was cut off, as often as the hammer may press on behind it. A half sine is above half of its
 peak from a sixth of its length on, which is where such windows close: up to twice what they leave is missing."""

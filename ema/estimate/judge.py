@@ -241,7 +241,10 @@ def _judge(impact: Judged, record: Recording, layout: Layout) -> Judged:
 
 
 def lost_of_half_sine(height: Float[np.ndarray, "*cut"]) -> Float[np.ndarray, "*cut"]:
-    """Share of its impulse that a half sine has lost which is cut off at a height over its peak: (1 - cos(arcsin h)) / 2."""
+    """Share of its impulse that a half sine has lost which is cut off at ``height`` of its peak.
+
+    It is (1 - cos(arcsin h)) / 2.
+    """
     return np.asarray(0.5 * (1 - np.sqrt(1 - np.clip(height, 0.0, 1.0) ** 2)))
 
 
