@@ -302,8 +302,8 @@ def _cut_off(force: Float[np.ndarray, "sample"], impact: Judged, first: int, las
     The force drops and is constant to the last bit behind, where noise or what a filter rings was before the impact.
     Short pulses drop as steeply: a force without any noise does not tell one from the other, and counts as whole.
     """
-    before = force[max(first - _SILENT, 0) : first]
-    if not len(before) or not np.ptp(before):
+    begin = max(first - _SILENT, 0)
+    if first == begin or not np.ptp(force[begin:first]):
         return False
     steps = np.diff(force[first : last + _BEHIND + _SILENT])
     if len(steps) < _SILENT:
