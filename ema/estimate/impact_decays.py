@@ -308,9 +308,9 @@ def _cut_off(force: Float[np.ndarray, "sample"], impact: Judged, first: int, las
     steps = np.diff(force[first : last + _BEHIND + _SILENT])
     if len(steps) < _SILENT:
         return False
-    behind = np.lib.stride_tricks.sliding_window_view(steps == 0, _SILENT - 1)[1:].all(axis=1)
+    behind = np.lib.stride_tricks.sliding_window_view(steps == 0, _SILENT - 1)[1:]
     drops = -np.sign(impact.pulse.peak) * steps[: len(behind)] / abs(impact.pulse.peak)
-    return bool(np.any(lost_of_half_sine(drops[behind]) > TOLERATED))
+    return bool(np.any(lost_of_half_sine(drops[behind.all(axis=1)]) > TOLERATED))
 
 
 def late_part(blocks: Sequence[ImpactBlock], rate: float, later: float) -> LatePart | None:
