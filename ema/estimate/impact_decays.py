@@ -50,6 +50,10 @@ _ROUNDING = 1e-12
 _BEHIND = 3
 """Samples behind the last contact that still hold the foot of the force, smeared by the filters of the front end."""
 
+_RINGING = 8
+"""Samples on both sides of a contact over which the force is faded out, for what an anti-alias filter rings alternates.
+Cut off three samples behind it, the transforms of pulses of one to three samples scatter by 2 % with where between the
+samples they fall; faded out over 4 samples by 0.04 %, over 8 by 0.015 %. Twice as many only add noise."""
 _SILENT = 16
 """Samples behind a drop of the force that are equal to the last bit where a force window has closed. Noise of half a
 step of the converter leaves as many equal twice in a thousand times; less noise does so before the impact as well."""
@@ -277,11 +281,12 @@ def _block(
     step: int,
 ) -> ImpactBlock:
     contacts = [(impact.pulse.start, impact.pulse.stop), *((one.first, one.last) for one in impact.contacts)]
-    touching = np.zeros(len(force), bool)
-    for first, last in contacts:
-        touching[max(first - 2, 0) : last + _BEHIND] = True
     first, last = min(first for first, _ in contacts), max(last for _, last in contacts)
-    part = slice(max(first - 2, 0), last + _BEHIND)
+    part = slice(max(first - _RINGING, 0), min(last + _RINGING + 1, len(force)))
+    samples = np.arange(part.start, part.stop)
+    # samples between each sample and the nearest contact
+    away = np.min([np.maximum(np.maximum(one - samples, samples - other), 0) for one, other in contacts], axis=0)
+    touching = np.cos(0.5 * np.pi * np.clip((away - 1) / _RINGING, 0.0, 1.0)) ** 2
     cut = _cut_off(force, impact, first, last)
     ring = last + _BEHIND + (_LEFT * (impact.pulse.stop - impact.pulse.start) if cut else 0)
     return ImpactBlock(
@@ -290,7 +295,7 @@ def _block(
         layout.outputs,
         ring,
         part.start,
-        np.where(touching, force - impact.offset, 0.0)[part],
+        touching * (force[part] - impact.offset),
         signals[:, ring : impact.start + impact.after : step],
         cut,
     )
