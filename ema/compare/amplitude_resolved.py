@@ -407,7 +407,9 @@ def findings(found: RingDownMode, decays: ModalDecays, mode: int) -> tuple[Findi
                 "modal-mass-withheld",
                 where,
                 f"the modal mass is withheld: {found.mass.reason}.",
-                advice=found.mass.advice,
+                advice="Let the force window close behind the contact."
+                if found.mass.cut
+                else "Strike a point that has an accelerometer at a level that leaves the joint sticking.",
             )
         )
     return tuple(listed)

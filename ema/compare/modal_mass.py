@@ -16,8 +16,6 @@ LEAST = 0.01
 _POWER = {"displacement": 0, "velocity": 1, "acceleration": 2}
 _STEPS = 200
 """Steps of the integration of an amplitude over time."""
-_STICKING = "Strike a point that has an accelerometer at a level that leaves the joint sticking."
-_WHOLE = "Let the force window close behind the contact."
 _WINDOW = 1
 """The window that is taken back: in the first one filters and the foot of the force still ring."""
 
@@ -32,8 +30,8 @@ class Mass:
         Modal mass and half width of its 95 % interval [kg]; NaN where it is withheld.
     reason : str
         Why it is withheld.
-    advice : str
-        What to do about that.
+    cut : bool
+        Whether it is withheld because a force window closed within the contacts.
 
     Examples
     --------
@@ -44,7 +42,7 @@ class Mass:
     value: float = float("nan")
     half: float = float("nan")
     reason: str = ""
-    advice: str = _STICKING
+    cut: bool = False
 
 
 def modal_mass(
@@ -98,7 +96,7 @@ def modal_mass(
                 mass = float(np.abs(decays.forces[row, mode])) * shape / (omega * moved)
                 values.setdefault(column, []).append(mass)
     if not values and any(cut and place in sensors for cut, place in zip(decays.cut, struck, strict=True)):
-        return Mass(reason="the force window closes while the hammer still presses", advice=_WHOLE)
+        return Mass(reason="the force window closes while the hammer still presses", cut=True)
     if not values:
         return Mass(reason="no point with an accelerometer was struck")
     means = np.array([np.mean(part) for part in values.values()])

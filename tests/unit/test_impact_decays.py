@@ -77,6 +77,8 @@ def test_behind_a_window_that_closes_within_the_contact_the_decay_begins_when_th
     found = ring_down_modes(cut, BAND)
     assert len(found) == 1 and np.isnan(found[0].mode.modal_mass)
     assert "force window" in found[0].mass.reason
+    withheld = next(one for one in found[0].mode.findings if one.code == "modal-mass-withheld")
+    assert "force window" in withheld.advice
 
 
 def test_whole_impacts_give_the_modal_mass_beside_others_that_a_window_cuts_off():
