@@ -18,7 +18,7 @@ from ema.data import Run, damping_ratios, natural_frequencies
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.estimate import channels
-from ema.estimate.judge import TOLERATED, Judged, judge_record, lost_of_half_sine
+from ema.estimate.judge import TOLERATED, Judged, judge_record
 from ema.progress import Progress, advance, silent
 
 LATE = 0.4
@@ -57,6 +57,9 @@ samples they fall; faded out over 4 samples by 0.04 %, over 8 by 0.015 %. Twice 
 _SILENT = 16
 """Samples behind a drop of the force that are equal to the last bit where a force window has closed. Noise of half a
 step of the converter leaves as many equal twice in a thousand times; less noise does so before the impact as well."""
+_PRESSING = float(np.sqrt(1 - (1 - 2 * TOLERATED) ** 2))
+"""Height over the peak at which a half sine is cut off that has lost what is tolerated of its impulse, 2 %: the loss is
+(1 - cos(arcsin h)) / 2. Of a half sine that drops from less, less than a tenth of the contact is missing."""
 _LEFT = 2
 """Length of a pulse that was cut off, as often as the hammer may press on behind it. A half sine is above half of its
 peak from a sixth of its length on, which is where such windows close: up to twice what they leave is missing."""
@@ -315,7 +318,7 @@ def _cut_off(force: Float[np.ndarray, "sample"], impact: Judged, first: int, las
         return False
     behind = np.lib.stride_tricks.sliding_window_view(steps == 0, _SILENT - 1)[1:]
     drops = -np.sign(impact.pulse.peak) * steps[: len(behind)] / abs(impact.pulse.peak)
-    return bool(np.any(lost_of_half_sine(drops[behind.all(axis=1)]) > TOLERATED))
+    return bool(np.any(drops[behind.all(axis=1)] > _PRESSING))
 
 
 def late_part(blocks: Sequence[ImpactBlock], rate: float, later: float) -> LatePart | None:

@@ -207,10 +207,11 @@ def _judge(impact: Judged, record: Recording, layout: Layout) -> Judged:
     """Reasons and remarks that need the signals of one impact."""
     if impact.start == 0:
         begun = min(abs(float(record.signals[layout.references[0], 0]) - impact.offset) / abs(impact.pulse.peak), 1.0)
-        lost = float(lost_of_half_sine(np.array(begun)))
+        # a half sine that is cut off at this height has lost (1 - cos(arcsin(height))) / 2 of its impulse
+        lost = 0.5 * (1 - np.sqrt(1 - begun**2))
         if lost > TOLERATED:
             text = f"the record begins in the middle of the impact, at {100 * begun:.0f} % of its peak"
-            impact = impact.because("pre-trigger", text, lost)
+            impact = impact.because("pre-trigger", text, float(lost))
     impact = with_contacts(impact, impact.contacts, record.sampling_rate)
     rows = [*layout.references, *layout.responses]
     # A view, not a copy, in the usual order of channels.
@@ -238,14 +239,6 @@ def _judge(impact: Judged, record: Recording, layout: Layout) -> Judged:
     farthest = float(high[0] if high[0] >= -low[0] else low[0])
     fingerprint = hashlib.blake2b(np.ascontiguousarray(part).tobytes(), digest_size=16).digest()
     return replace(impact, remarks=(*remarks, *steadiness), unrest=unrest, force=farthest, samples=fingerprint)
-
-
-def lost_of_half_sine(height: Float[np.ndarray, "*cut"]) -> Float[np.ndarray, "*cut"]:
-    """Share of its impulse that a half sine has lost which is cut off at ``height`` of its peak.
-
-    It is (1 - cos(arcsin h)) / 2.
-    """
-    return np.asarray(0.5 * (1 - np.sqrt(1 - np.clip(height, 0.0, 1.0) ** 2)))
 
 
 def _steadiness(
