@@ -184,12 +184,11 @@ def _pool(decays: ModalDecays, mode: int) -> _Pool:
     others = np.sum(np.delete(moved, mode, axis=2) ** 2, axis=2) / np.maximum(moved[:, :, mode], 1e-300) ** 2
     usable = size[:, :, mode] > BEYOND_NOISE * decays.deviation[mode]
     usable &= (np.abs(frequency / late - 1) < _HEAVIEST) & (np.abs(damping) < _HEAVIEST)
-    times = np.broadcast_to(decays.times[1:], usable.shape)
     impacts = np.broadcast_to(np.arange(len(size))[:, None], usable.shape)
     at = decays.channels[:, 1:, mode]
     reference = at[:, :, decays.reference[mode]]
     shapes = at / np.where(reference == 0, np.inf, reference)[:, :, None]
-    values = (size[:, :, mode], frequency, damping, times, impacts, others, shapes)
+    values = (size[:, :, mode], frequency, damping, decays.times[:, 1:], impacts, others, shapes)
     return _Pool(*(one[usable] for one in values))
 
 
@@ -233,7 +232,7 @@ def _mode(decays: ModalDecays, mode: int, kind: str, low: float) -> RingDownMode
 
 def _length(decays: ModalDecays) -> float:
     """Length of a window in s."""
-    return float((decays.times[1] - decays.times[0]) / HOP)
+    return float((decays.times[0, 1] - decays.times[0, 0]) / HOP)
 
 
 def _level(pool: _Pool, amplitude: float) -> _Level | None:
@@ -408,7 +407,9 @@ def findings(found: RingDownMode, decays: ModalDecays, mode: int) -> tuple[Findi
                 "modal-mass-withheld",
                 where,
                 f"the modal mass is withheld: {found.mass.reason}.",
-                advice="Strike a point that has an accelerometer at a level that leaves the joint sticking.",
+                advice="Let the force window close behind the contact."
+                if found.mass.cut
+                else "Strike a point that has an accelerometer at a level that leaves the joint sticking.",
             )
         )
     return tuple(listed)

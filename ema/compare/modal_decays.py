@@ -55,8 +55,8 @@ class ModalDecays:
         Shapes of the late decay, 1 at the response in row ``reference``.
     reference : int array of shape (mode,)
         Row of ``outputs`` at which each mode is largest.
-    times : array of shape (window,)
-        Middle of the windows after the impact [s].
+    times : array of shape (impact, window)
+        Middle of the windows after the beginning of each impact [s]: its free decay begins behind its last contact.
     amplitudes : complex array of shape (impact, window, mode)
         Amplitude at the reference, in the unit of the responses.
     local : complex array of shape (impact, window, mode)
@@ -71,6 +71,8 @@ class ModalDecays:
         Laplace transform of the force of each impact at the poles [N s].
     at_rest : bool array of shape (impact,)
         Whether next to nothing rang from the impact before.
+    cut : bool array of shape (impact,)
+        Whether a force window closed while the hammer still pressed: ``forces`` is not the force on the structure then.
 
     Examples
     --------
@@ -81,7 +83,7 @@ class ModalDecays:
     poles: Complex[np.ndarray, "mode"]
     shapes: Complex[np.ndarray, "mode out"]
     reference: Int[np.ndarray, "mode"]
-    times: Float[np.ndarray, "window"]
+    times: Float[np.ndarray, "impact window"]
     amplitudes: Complex[np.ndarray, "impact window mode"]
     local: Complex[np.ndarray, "impact window mode"]
     deviation: Float[np.ndarray, "mode"]
@@ -90,6 +92,7 @@ class ModalDecays:
     outputs: tuple[Dof, ...]
     forces: Complex[np.ndarray, "impact mode"]
     at_rest: Bool[np.ndarray, "impact"]
+    cut: Bool[np.ndarray, "impact"]
 
 
 def modal_decays(run: Run, band: tuple[float, float], progress: Progress = silent) -> ModalDecays | None:
@@ -144,12 +147,12 @@ def modal_decays(run: Run, band: tuple[float, float], progress: Progress = silen
     starts = np.arange(0, length - width, max(int(HOP * width), 1))
     fitted = _Windows(signals / late.noise[:, None], poles, shapes / late.noise, starts, width, rate)
     amplitudes, local, deviation, channels = fitted.solved()
-    gap = float(np.median([(block.ring - block.impact.start) / original for block in blocks]))
+    gaps = np.array([(block.ring - block.impact.start) / original for block in blocks])
     return ModalDecays(
         poles,
         shapes,
         np.argmax(np.abs(shapes), axis=1),
-        (starts + (width - 1) / 2) / rate + gap,
+        gaps[:, None] + (starts + (width - 1) / 2) / rate,
         amplitudes,
         local,
         deviation,
@@ -158,6 +161,7 @@ def modal_decays(run: Run, band: tuple[float, float], progress: Progress = silen
         blocks[0].outputs,
         np.array([_force(block, poles, original) for block in blocks]),
         _at_rest(blocks, amplitudes, poles, original),
+        np.array([block.cut for block in blocks]),
     )
 
 

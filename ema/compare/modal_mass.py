@@ -30,6 +30,8 @@ class Mass:
         Modal mass and half width of its 95 % interval [kg]; NaN where it is withheld.
     reason : str
         Why it is withheld.
+    cut : bool
+        Whether it is withheld because a force window closed within the contacts.
 
     Examples
     --------
@@ -40,6 +42,7 @@ class Mass:
     value: float = float("nan")
     half: float = float("nan")
     reason: str = ""
+    cut: bool = False
 
 
 def modal_mass(
@@ -79,15 +82,21 @@ def modal_mass(
     >>> from ema.compare.amplitude_resolved import ring_down_modes  # states it as the modal mass of every mode
     """
     omega = abs(decays.poles[mode].imag)
+    struck = [(dof.node, dof.axis) for dof in decays.inputs]
+    sensors = [(dof.node, dof.axis) for dof in decays.outputs]
     values: dict[int, list[float]] = {}
-    for row, dof in enumerate(decays.inputs):
-        for column, output in enumerate(decays.outputs):
-            if (dof.node, dof.axis) == (output.node, output.axis) and decays.at_rest[row]:
-                start = _back(float(np.abs(decays.amplitudes[row, _WINDOW, mode])), float(decays.times[_WINDOW]), curve)
+    for row in np.flatnonzero(decays.at_rest & ~decays.cut):
+        for column, sensor in enumerate(sensors):
+            if struck[row] == sensor:
+                start = _back(
+                    float(np.abs(decays.amplitudes[row, _WINDOW, mode])), float(decays.times[row, _WINDOW]), curve
+                )
                 moved = start / omega ** _POWER[kind]
                 shape = float(np.abs(decays.shapes[mode, column]))
                 mass = float(np.abs(decays.forces[row, mode])) * shape / (omega * moved)
                 values.setdefault(column, []).append(mass)
+    if not values and any(cut and place in sensors for cut, place in zip(decays.cut, struck, strict=True)):
+        return Mass(reason="the force window closes while the hammer still presses", cut=True)
     if not values:
         return Mass(reason="no point with an accelerometer was struck")
     means = np.array([np.mean(part) for part in values.values()])

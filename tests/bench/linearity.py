@@ -6,6 +6,8 @@ a linear loss of the joint is not in it. The gate sees nothing but the records.
 
     python -m tests.bench.linearity --n 400 --seed 1
     python -m tests.bench.linearity --n 40 --misplaced 0.1    # linear ones, whose impacts miss their points
+    python -m tests.bench.linearity --n 200 --linear    # linear ones, their kinds in turn
+    python -m tests.bench.linearity --n 60 --shares 0.05 0.4 --quick    # a class of shares, drawn at a fifth of the time
 """
 
 import argparse
@@ -28,6 +30,9 @@ HITS, SPACING, SCATTER, NOISE = 3, 0.8, 0.1, 0.01
 response in the first 50 ms."""
 LEAST, MOST = 0.001, 0.4
 PEAK = 1000.0
+QUICK = (2, 0.3)
+"""Points struck and s after an impact that a quick search of the normal force looks at; all points and `SPACING` else.
+The share of a table is that of its records all the same, but it is not as near to the one that was drawn."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ def structure(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return frequencies, shapes
 
 
-def friction_table(rng: np.random.Generator) -> Drawn:
+def friction_table(rng: np.random.Generator, shares: tuple[float, float] = (LEAST, MOST), quick: bool = False) -> Drawn:
     """A table that rubs on one or two joints; the normal force is such that slip takes the share that was drawn."""
     frequencies, shapes = structure(rng)
     count, omega = len(frequencies), 2 * np.pi * frequencies
@@ -98,21 +103,22 @@ def friction_table(rng: np.random.Generator) -> Drawn:
         )
         return BeamModel(host, wall, made, Damping(ratio=ratio), "friction table")
 
-    wanted = float(np.exp(rng.uniform(np.log(LEAST), np.log(MOST))))
+    wanted = float(np.exp(rng.uniform(*np.log(shares))))
     places = tuple(Dof(node + 1, "+X") for node in range(count))
     sensors = _sensors(rng, count)
 
-    def rig(force: float, hits: int = HITS) -> MeteredRig:
+    def rig(force: float, hits: int = HITS, spacing: float = SPACING) -> MeteredRig:
         return MeteredRig(
             model(force),
-            RovingHammer(places, hits, PEAK, SCATTER, _contact(frequencies), 0.05, 0.05, SPACING),
+            RovingHammer(places, hits, PEAK, SCATTER, _contact(frequencies), 0.05, 0.05, spacing),
             sensors,
             RATE,
             seed=int(seed),
         )
 
     seed = rng.integers(2**31)
-    limit = _normal_force(lambda force: _share(rig(force, 1), count), PEAK, wanted)
+    points, spacing = QUICK if quick else (count, SPACING)
+    limit = _normal_force(lambda force: _share(rig(force, 1, spacing), points), PEAK, wanted)
     made = rig(limit)
     run = _measured(rng, made, count)
     return Drawn(f"friction, {law.name}", run, _band(frequencies, kappa), _total(made))
@@ -289,10 +295,12 @@ class Outcome:
     verdict: str
 
 
-def drawn(seed: int, number: int) -> Drawn:
+def drawn(seed: int, number: int, shares: tuple[float, float] = (LEAST, MOST), quick: bool = False) -> Drawn:
     """Draw ``number`` of a seed: two friction tables, then a linear one, its kinds in turn."""
     rng = np.random.default_rng([seed, number])
-    return friction_table(rng) if number % 3 < 2 else linear_table(rng, LINEAR[number // 3 % len(LINEAR)])
+    return (
+        friction_table(rng, shares, quick) if number % 3 < 2 else linear_table(rng, LINEAR[number // 3 % len(LINEAR)])
+    )
 
 
 def outcome(table: Drawn) -> Outcome:
@@ -322,13 +330,19 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first table, to go on where a run ended")
     parser.add_argument("--misplaced", type=float, help="linear tables alone, whose impacts miss their points by this")
+    parser.add_argument("--linear", action="store_true", help="linear tables alone, their kinds in turn")
+    parser.add_argument("--shares", type=float, nargs=2, default=(LEAST, MOST), help="range to draw the shares from")
+    parser.add_argument("--quick", action="store_true", help="search the normal force on few points")
     given = parser.parse_args()
     outcomes = []
     for number in range(given.first, given.first + given.n):
-        if given.misplaced is None:
-            table = drawn(given.seed, number)
+        rng = np.random.default_rng([given.seed, number])
+        if given.misplaced is not None:
+            table = misplaced_table(rng, given.misplaced)
+        elif given.linear:
+            table = linear_table(rng, LINEAR[number % len(LINEAR)])
         else:
-            table = misplaced_table(np.random.default_rng([given.seed, number]), given.misplaced)
+            table = drawn(given.seed, number, tuple(given.shares), given.quick)
         outcomes.append(outcome(table))
         one = outcomes[-1]
         print(f"{number:4d}  {one.kind:28s} {one.share:8.2%}  {one.verdict}", flush=True)
