@@ -26,7 +26,7 @@ EVIDENCE = 13.0
 """Twice the logarithm of the likelihood ratio from which on one channel that is asked alone is turned; of n channels
 2 log n more, and for a delay that turns the highest mode by an angle a another 2 log(1 + a / 0.4): so many more angles
 could have been found by chance. Rows that share a delay bring it once, and the price of their choice (`_Module`).
-Calibrated on single channels. Of 200 other random structures none is named in time, and 151 with all their late channels
+Calibrated on single channels. Of 200 other structures none is named in time, and 151 with all their late channels
 and no other, or the force; with 17, 148 (`python -m tests.bench.late_channels --draws 200 --seed 26120177`)."""
 
 FREEDOM = 4.0
