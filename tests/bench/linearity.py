@@ -6,6 +6,7 @@ a linear loss of the joint is not in it. The gate sees nothing but the records.
 
     python -m tests.bench.linearity --n 400 --seed 1
     python -m tests.bench.linearity --n 40 --misplaced 0.1    # linear ones, whose impacts miss their points
+    python -m tests.bench.linearity --n 40 --misplaced 0.1 --complexity 0.3    # the same with complex modes
     python -m tests.bench.linearity --n 200 --linear    # linear ones, their kinds in turn
     python -m tests.bench.linearity --n 60 --shares 0.05 0.4 --quick    # a class of shares, drawn at a fifth of the time
 """
@@ -233,10 +234,11 @@ def linear_table(rng: np.random.Generator, kind: str) -> Drawn:
     return Drawn(f"linear, {kind}", run, _band(frequencies), 0.0)
 
 
-def misplaced_table(rng: np.random.Generator, error: float) -> Drawn:
+def misplaced_table(rng: np.random.Generator, error: float, complexity: float = 0.0) -> Drawn:
     """A linear table, no impact on which is where it should be: shapes differ by ``error`` times their rms value.
 
-    Half of the tables have three modes above the band, which every impact excites as its place has it.
+    Half of the tables have three modes above the band, which every impact excites as its place has it. ``complexity``
+    is the rms imaginary part of the shapes over their rms real part, as dampers at single places make it.
     """
     frequencies, shapes = structure(rng)
     count, band = len(frequencies), _band(frequencies)
@@ -248,6 +250,10 @@ def misplaced_table(rng: np.random.Generator, error: float) -> Drawn:
     poles = poles_from(frequencies, damping)
     nodes = np.repeat(np.arange(count), HITS)
     struck = shapes[nodes] + error * size * rng.normal(size=(len(nodes), len(frequencies)))
+    if complexity:
+        shapes = shapes + 1j * complexity * size * rng.normal(size=shapes.shape)
+        missed = rng.normal(size=(2, *struck.shape))
+        struck = shapes[nodes] + error * size * (missed[0] + 1j * complexity * missed[1])
     places = tuple(Dof(1000 + row, "+X") for row in range(len(nodes)))
     dofs = (*(Dof(node + 1, "+X") for node in range(count)), *places)
     everywhere = np.vstack([shapes, struck])
@@ -330,6 +336,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first table, to go on where a run ended")
     parser.add_argument("--misplaced", type=float, help="linear tables alone, whose impacts miss their points by this")
+    parser.add_argument("--complexity", type=float, default=0.0, help="of their modes: imaginary over real parts, rms")
     parser.add_argument("--linear", action="store_true", help="linear tables alone, their kinds in turn")
     parser.add_argument("--shares", type=float, nargs=2, default=(LEAST, MOST), help="range to draw the shares from")
     parser.add_argument("--quick", action="store_true", help="search the normal force on few points")
@@ -338,7 +345,7 @@ def main() -> None:
     for number in range(given.first, given.first + given.n):
         rng = np.random.default_rng([given.seed, number])
         if given.misplaced is not None:
-            table = misplaced_table(rng, given.misplaced)
+            table = misplaced_table(rng, given.misplaced, given.complexity)
         elif given.linear:
             table = linear_table(rng, LINEAR[number % len(LINEAR)])
         else:
