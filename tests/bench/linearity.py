@@ -316,7 +316,7 @@ def outcome(table: Drawn) -> Outcome:
 
 def summary(outcomes: list[Outcome]) -> str:
     """Verdicts by class of share, and by kind of the linear tables."""
-    classes = {f"{low:.1%} to {high:.0%} by slip": [] for low, high in pairwise(SHARES)}
+    classes = {f"{100 * low:g} to {100 * high:g} % by slip": [] for low, high in pairwise(SHARES)}
     for one in outcomes:
         if one.kind.startswith("friction"):
             name = list(classes)[int(np.searchsorted(SHARES, one.share, side="right")) - 1]
