@@ -156,6 +156,7 @@ def _curve(condensed: Condensed, point: _Point, edges: tuple[float, float]) -> F
         amplitudes=[*back.amplitudes[:-1], *ahead.amplitudes],
         omegas=np.concatenate([back.omegas[:-1], ahead.omegas]),
         errors=np.concatenate([back.errors[:-1], ahead.errors]),
+        fines=[*back.fines[:-1], *ahead.fines],
         ends=(back.ends[0], ahead.ends[1]),
         reasons=(back.reasons[0], ahead.reasons[1]),
     )
@@ -174,8 +175,10 @@ def _with_stability(
 ) -> SteadyStateCurve:
     """The curve with multipliers at some of its points, and the verdicts between those that agree."""
     points = [
-        _point(condensed, float(omega), amplitudes, float(error))
-        for omega, amplitudes, error in zip(curve.omegas, curve.amplitudes, curve.errors, strict=True)
+        _point(condensed, float(omega), amplitudes, (float(error), fine))
+        for omega, amplitudes, error, fine in zip(
+            curve.omegas, curve.amplitudes, curve.errors, curve.fines, strict=True
+        )
     ]
     known: dict[int, FloquetMultipliers] = {}
     if stability:
@@ -218,7 +221,8 @@ def _between(known: dict[int, FloquetMultipliers], count: int) -> tuple[tuple[st
     return tuple(verdicts), tuple(losses)
 
 
-def _point(condensed: Condensed, omega: float, amplitudes: np.ndarray, error: float) -> _Point:
-    """A point of a curve as a solution."""
-    forces, _, lost, _ = condensed.contact_forces(amplitudes, omega, condensed.fine, derive=False)
-    return _Point(omega, amplitudes, forces, lost, error)
+def _point(condensed: Condensed, omega: float, amplitudes: np.ndarray, judged: tuple[float, int]) -> _Point:
+    """A point of a curve as a solution; ``judged``: its error and the factor on the nodes with which it was solved."""
+    error, fine = judged
+    forces, _, lost, _ = condensed.contact_forces(amplitudes, omega, fine, derive=False)
+    return _Point(omega, amplitudes, forces, lost, error, fine=fine)
