@@ -167,11 +167,12 @@ class JoinedCondensed(Condensed):
         return super()._tried(frequency, start) if point is None else point
 
     def _from_time(self, frequency: float) -> _Point | None:
-        """The solution reached from a motion from rest that has settled, or that motion where Newton's method fails."""
+        """The solution reached from a motion from rest, or that motion where it settles and Newton's method fails."""
         omega = 2 * np.pi * frequency
-        path = settled_from_rest(self, omega)
-        if path is None:
+        motion = settled_from_rest(self, omega)
+        if motion is None:
             return None
+        path, has_settled = motion
         best: _Point | None = None
         for count in [self.harmonics] if self.harmonics else _TIME_STARTS:
             self.left, self.fine = int(_SHARE * self.budget), 1
@@ -181,8 +182,8 @@ class JoinedCondensed(Condensed):
                 best = point
             if best is not None and best.error <= self.tolerance:
                 return best
-        finer = settled_from_rest(self, omega, _FINER * path.shape[1])
-        settled = None if finer is None else self._as_settled(omega, path, finer)
+        finer = settled_from_rest(self, omega, _FINER * path.shape[1]) if has_settled else None
+        settled = self._as_settled(omega, path, finer[0]) if finer is not None and finer[1] else None
         return min((point for point in (best, settled) if point is not None), key=lambda one: one.error, default=None)
 
     def _as_settled(self, omega: float, path: np.ndarray, finer: np.ndarray) -> _Point:
