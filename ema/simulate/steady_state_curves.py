@@ -23,6 +23,7 @@ _SAMPLED = 24
 """Points of a curve whose multipliers are computed at first, besides those at its folds."""
 _BEGUN = (0.0, 1.0, 0.5)
 """Shares of the band at which the first curve is begun, the next one where there is no state with an error below 1."""
+_NOT_COMPUTED = "its multipliers were not computed"
 _SAME = 0.05
 """Distance of the motion from a curve, relative, within which it lies on it between two of its points."""
 
@@ -193,7 +194,7 @@ def _with_stability(
                 for low, high in pairwise(order)
                 if high - low > 1 and known[low].verdict != known[high].verdict
             ]
-    verdicts, losses = _between(known, len(points))
+    verdicts, losses, undecided = _between(known, len(points))
     return SteadyStateCurve(
         frequencies=_in_hertz(curve.omegas, band),
         values=np.array([condensed.first(point) for point in points]),
@@ -208,17 +209,18 @@ def _with_stability(
         reasons=curve.reasons,
         detached=curve.detached,
         name=condensed.problem.system.name,
+        undecided_because=undecided,
     )
 
 
-def _between(known: dict[int, FloquetMultipliers], count: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Verdict and loss of every point: its own, or those of the neighbours on both sides, which agree."""
-    verdicts, losses, nearest = [UNDECIDED] * count, [""] * count, sorted(known)
+def _between(known: dict[int, FloquetMultipliers], count: int) -> tuple[tuple[str, ...], ...]:
+    """Verdict, loss and why it is undecided of every point: its own, or those of its neighbours, which agree."""
+    verdicts, losses, undecided, nearest = [UNDECIDED] * count, [""] * count, [_NOT_COMPUTED] * count, sorted(known)
     for n in range(count):
         if nearest:
-            before = nearest[max(int(np.searchsorted(nearest, n, side="right")) - 1, 0)]
-            verdicts[n], losses[n] = known[before].verdict, known[before].loss
-    return tuple(verdicts), tuple(losses)
+            before = known[nearest[max(int(np.searchsorted(nearest, n, side="right")) - 1, 0)]]
+            verdicts[n], losses[n], undecided[n] = before.verdict, before.loss, before.reason
+    return tuple(verdicts), tuple(losses), tuple(undecided)
 
 
 def _point(condensed: Condensed, omega: float, amplitudes: np.ndarray, judged: tuple[float, int]) -> _Point:

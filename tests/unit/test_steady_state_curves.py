@@ -10,7 +10,7 @@ import acquisition
 from acquisition.model_file import FrfTable
 from ema import show, simulate, store
 from ema.cli.simulation_job import Job
-from ema.cli.steady_state_curves import with_curves
+from ema.cli.steady_state_curves import _stretches, with_curves
 from ema.data import BeamModel, Damping, FrictionLaw, Joint, Matrices
 from ema.data.stability import FloquetMultipliers, SteadyStateCurve
 from ema.dof import Dof
@@ -179,6 +179,35 @@ def test_an_undecided_state_says_why() -> None:
     response = simulate.frf(model, np.array([60.0]), 1.0, "1:+X", ["1:+X"])
     (one,) = simulate.floquet_multipliers(model, response)
     assert one.verdict == "undecided" and one.reason == "a multiplier is within its error of the unit circle"
+
+
+def test_every_undecided_point_of_a_curve_says_why() -> None:
+    """Without any damping a multiplier is on the unit circle; with some it is not."""
+    computed = {}
+    for ratio in (0.0, 0.01):
+        model = replace(beam_model(), damping=Damping(ratio=ratio))
+        for stability in (True, False):
+            (computed[ratio, stability],) = simulate.frf_curves(
+                model, (60.0, 61.0), 1.0, "1:+X", ["1:+X"], searched=0, stability=stability
+            )
+    for (ratio, stability), curve in computed.items():
+        decided = bool(ratio) and stability
+        assert set(curve.verdicts) == {"stable" if decided else "undecided"}
+        why = (
+            "a multiplier is within its error of the unit circle" if stability else "its multipliers were not computed"
+        )
+        assert curve.undecided_because == ("" if decided else why,) * len(curve.frequencies)
+        assert list(to_dataframe(curve)["undecided because"]) == list(curve.undecided_because)
+
+
+def test_a_stretch_of_a_table_has_the_reasons_of_its_undecided_points() -> None:
+    because = ("", "", "near", "", "far", "")
+    rows = _stretches(replace(FOLDED, undecided_because=because))
+    assert [row["undecided because"] for row in rows] == ["", "near", "", "far", ""]
+    one = _stretches(replace(FOLDED, verdicts=("undecided",) * 6, undecided_because=because))
+    assert [row["undecided because"] for row in one] == ["near or far"]
+    assert [row["undecided because"] for row in _stretches(FOLDED)] == [""] * 5
+    assert list(to_dataframe(FOLDED)["undecided because"]) == [""] * 6
 
 
 def smooth(law: FrictionLaw, draw: int) -> tuple[BeamModel, float]:
