@@ -78,6 +78,7 @@ def _stretches(curve: SteadyStateCurve) -> list[dict[str, Any]]:
                 "to [Hz]": float(curve.frequencies[end - 1]),
                 "|X| max [um]": 1e6 * float(np.abs(curve.values[part, 0]).max()),
                 "stability": curve.verdicts[first],
+                "undecided because": " or ".join(dict.fromkeys(filter(None, curve.undecided_because[part]))),
                 "loss": curve.losses[first],
                 "largest multiplier": float(largest.max()) if len(largest) else float("nan"),
             }

@@ -224,6 +224,8 @@ class SteadyStateCurve(Container):
         was lost on the way: they may be parts of one.
     name : str, optional
         What the model is called in messages.
+    undecided_because : tuple of str, optional
+        Why the stability of every point is undecided, empty where it is known; none in files of former versions.
 
     Examples
     --------
@@ -249,6 +251,7 @@ class SteadyStateCurve(Container):
     reasons: tuple[str, str] = ("", "")
     detached: bool = False
     name: str = ""
+    undecided_because: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(

@@ -164,7 +164,8 @@ def _(curve: SteadyStateCurve) -> Any:
     columns |= {f"{dof} [{_length(dof)}]": curve.values[:, n] for n, dof in enumerate(curve.dofs)}
     about = {"error estimate": curve.error_estimate, "highest harmonic": curve.harmonics}
     verdicts = {"stability": list(curve.verdicts), "loss": list(curve.losses), "largest multiplier": curve.largest}
-    return _frame(columns | about | verdicts)
+    reasons = {"undecided because": list(curve.undecided_because or [""] * len(curve.verdicts))}
+    return _frame(columns | about | verdicts | reasons)
 
 
 @_converted.register
@@ -181,6 +182,7 @@ def _(found: CoexistingStates) -> Any:
             "stability": [one.verdict for one in verdicts],
             "loss": [one.loss for one in verdicts],
             "largest multiplier": [one.largest for one in verdicts],
+            "undecided because": [one.reason for one in verdicts],
         }
     )
 

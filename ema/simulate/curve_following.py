@@ -40,11 +40,15 @@ POINTS_ENDED = f"it has {_MOST_POINTS} points"
 
 @dataclass(frozen=True)
 class Followed:
-    """Points of a curve: amplitudes in m, angular frequencies in rad/s, relative errors; how it begins and ends."""
+    """Points of a curve: amplitudes in m, angular frequencies in rad/s, relative errors; how it begins and ends.
+
+    ``fines``: factors on the number of nodes with which each was solved.
+    """
 
     amplitudes: Sequence[Float[np.ndarray, "contact size"]]
     omegas: Float[np.ndarray, "point"]
     errors: Float[np.ndarray, "point"]
+    fines: Sequence[int]
     ends: tuple[str, str]
     reasons: tuple[str, str] = ("", "")
     detached: bool = False
@@ -62,7 +66,12 @@ class Followed:
     def reversed(self) -> "Followed":
         """The same from its end to its beginning."""
         return Followed(
-            self.amplitudes[::-1], self.omegas[::-1], self.errors[::-1], self.ends[::-1], self.reasons[::-1]
+            self.amplitudes[::-1],
+            self.omegas[::-1],
+            self.errors[::-1],
+            self.fines[::-1],
+            self.ends[::-1],
+            self.reasons[::-1],
         )
 
 
@@ -77,6 +86,7 @@ class _Walk:
     tangent: np.ndarray
     points: list[np.ndarray] = field(default_factory=list)
     errors: list[float] = field(default_factory=list)
+    fines: list[int] = field(default_factory=list)
 
     @property
     def count(self) -> int:
@@ -139,6 +149,7 @@ class _Walk:
         error = max(raw, LEAST_ERROR * self.condensed.tolerance) if found.slips.any() else 0.0
         self.points.append(reached)
         self.errors.append(min(error, 1.0))
+        self.fines.append(self.condensed.fine)
         self.go_on(reached)
         if raw < _SPARE * self.condensed.tolerance and not self.condensed.harmonics:
             self.narrowed(self.point(found, reached))
@@ -181,7 +192,7 @@ class _Walk:
             return
         solution, reached, raw = self.judged(*found)
         error = max(raw, LEAST_ERROR * self.condensed.tolerance) if solution.slips.any() else 0.0
-        self.points[-1], self.errors[-1] = reached, min(error, 1.0)
+        self.points[-1], self.errors[-1], self.fines[-1] = reached, min(error, 1.0), self.condensed.fine
 
     def widened(self) -> bool:
         """Go on with more harmonics than the point has; whether there is one."""
@@ -201,14 +212,15 @@ def follow(condensed: Condensed, point: _Point, edges: tuple[float, float], sign
     size, width = max(float(np.linalg.norm(point.amplitudes)), 1e-300), edges[1] - edges[0]
     here = np.append(point.amplitudes.ravel() / size, (point.omega - edges[0]) / width)
     tangent = sign * np.append(slope(condensed, point).ravel() * width / size, 1.0)
-    walk = _Walk(condensed, edges, size, here, tangent / np.linalg.norm(tangent), [here], [point.error])
-    condensed.left = _BUDGETS * condensed.budget
+    walk = _Walk(condensed, edges, size, here, tangent / np.linalg.norm(tangent), [here], [point.error], [point.fine])
+    condensed.left, condensed.fine = _BUDGETS * condensed.budget, point.fine
     end, reason = _walked(walk, here, walk.tangent)
     shape = len(condensed.limits), -1
     return Followed(
         [part[:-1].reshape(shape) * size for part in walk.points],
         np.array([walk.omega(part) for part in walk.points]),
         np.array(walk.errors),
+        walk.fines,
         ("closed" if end == "closed" else "edge", end),
         ("", reason),
     )
@@ -237,7 +249,7 @@ def _walked(walk: _Walk, first: np.ndarray, direction: np.ndarray) -> tuple[str,
             return "edge", ""
         begin, start, heading = (walk.resized(part, count) for part in (before, first, direction))
         if len(walk.points) > 5 and _passes(begin, walk.points[-1] - begin, start, heading):
-            walk.points[-1], walk.errors[-1] = first, walk.errors[0]
+            walk.points[-1], walk.errors[-1], walk.fines[-1] = first, walk.errors[0], walk.fines[0]
             return "closed", ""
         step = min(1.5 * step, _LONGEST * max(1.0, float(np.linalg.norm(walk.place[:-1]))))
     return "lost", POINTS_ENDED

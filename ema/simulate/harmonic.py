@@ -76,6 +76,8 @@ class _Point:
     """Force amplitude in N, and the size of the first output under it, where it is known."""
     slope: np.ndarray | None = None
     """Derivative of the amplitudes by the angular frequency in m s, where it is known."""
+    fine: int = 1
+    """Factor on the number of nodes with which its forces are in balance."""
 
     @property
     def count(self) -> int:
@@ -516,7 +518,7 @@ class Condensed:
         self.left = int(_ROUGH_SHARE * self.budget)
         found = self._reached(omega, start, self.gains(omega, count))
         self.accuracy = _CONVERGED
-        return None if found is None else _Point(omega, found[1], found[2], found[4], np.nan)
+        return None if found is None else _Point(omega, found[1], found[2], found[4], np.nan, fine=self.fine)
 
     def solve(self, frequency: float, start: np.ndarray | None = None) -> _Point | None:
         """Solution at one frequency in Hz with as many harmonics as the tolerance asks for; ``None``: none found.
@@ -588,8 +590,9 @@ class Condensed:
                     point.error = self.judged(point)
                 return point
             _, amplitudes, forces, _, lost, slips = found
+            fine = self.fine
             if not slips.any():
-                return _Point(omega, amplitudes, forces, lost, 0.0)
+                return _Point(omega, amplitudes, forces, lost, 0.0, fine=fine)
             if not self.exact:
                 lost, blur = self.refined(amplitudes, forces, lost, omega)
                 if blur > QUADRATURE and self.fine < finest:
@@ -598,7 +601,7 @@ class Condensed:
                 if _SPARE * blur <= QUADRATURE:
                     self.fine = max(1, self.fine // 2)
             coarser = None
-            before, point = point, _Point(omega, amplitudes, forces, lost, 1.0)
+            before, point = point, _Point(omega, amplitudes, forces, lost, 1.0, fine=fine)
             start = amplitudes
             if self.harmonics:
                 point.error = self._doubt(point, self._again(point, all_gains))
@@ -638,7 +641,7 @@ class Condensed:
         """The solution with the harmonics of ``gains``, from one with more or fewer, or at another frequency."""
         start, place = with_harmonics(point.amplitudes, gains.shape[1]), omega or point.omega
         found = self._newton(place, start, gains)
-        return None if found is None else _Point(place, found[1], found[2], found[4], 1.0)
+        return None if found is None else _Point(place, found[1], found[2], found[4], 1.0, fine=self.fine)
 
     def joins(self, point: _Point, other: _Point) -> bool:
         """Whether two solutions seem to lie on one branch: from neither a second one is found where the other is.
@@ -731,7 +734,10 @@ class Condensed:
         q, p = self.state_at(point, 0.0)
         orders, laws = self.orders(point.count), self.problem.laws
         spectrum = np.zeros((len(self.limits), steps // 2 + 1), complex)
-        spectrum[:, orders] = 0.5 * steps * (point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2])
+        # so many steps do not see the higher ones
+        kept = orders <= steps // 2
+        waves = 0.5 * steps * (point.amplitudes[:, ::2] - 1j * point.amplitudes[:, 1::2])
+        spectrum[:, orders[kept]] = waves[:, kept]
         period = np.fft.irfft(spectrum, steps, axis=1)
         path = np.column_stack([np.zeros(len(period)), period, period, period[:, :1]])
         limits = np.broadcast_to(self.limits[:, None], path.shape)

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from ema.contact.laws import Couplings
 from ema.data import Finding, HarmonicResponse
 from ema.errors import InputError
-from ema.simulate.harmonic import LEAST_ERROR, SAFETY, Condensed, _Point, with_harmonics
+from ema.simulate.harmonic import LEAST_ERROR, SAFETY, Condensed, _Point
 from ema.simulate.transient import _State
 from ema.simulate.verification import settled_from_rest
 
@@ -167,11 +167,12 @@ class JoinedCondensed(Condensed):
         return super()._tried(frequency, start) if point is None else point
 
     def _from_time(self, frequency: float) -> _Point | None:
-        """The solution reached from a motion from rest that has settled, or that motion where Newton's method fails."""
+        """The solution reached from a motion from rest, or that motion where it settles and Newton's method fails."""
         omega = 2 * np.pi * frequency
-        path = settled_from_rest(self, omega)
-        if path is None:
+        motion = settled_from_rest(self, omega)
+        if motion is None:
             return None
+        path, has_settled = motion
         best: _Point | None = None
         for count in [self.harmonics] if self.harmonics else _TIME_STARTS:
             self.left, self.fine = int(_SHARE * self.budget), 1
@@ -181,8 +182,8 @@ class JoinedCondensed(Condensed):
                 best = point
             if best is not None and best.error <= self.tolerance:
                 return best
-        finer = settled_from_rest(self, omega, _FINER * path.shape[1])
-        settled = None if finer is None else self._as_settled(omega, path, finer)
+        finer = settled_from_rest(self, omega, _FINER * path.shape[1]) if has_settled else None
+        settled = self._as_settled(omega, path, finer[0]) if finer is not None and finer[1] else None
         return min((point for point in (best, settled) if point is not None), key=lambda one: one.error, default=None)
 
     def _as_settled(self, omega: float, path: np.ndarray, finer: np.ndarray) -> _Point:
@@ -190,7 +191,7 @@ class JoinedCondensed(Condensed):
         count, self.fine = self.harmonics or self.most_orders, _SETTLED_FINE
         coarse, amplitudes = (self._spectrum(motion, count) for motion in (path, finer))
         forces, _, lost, _ = self.contact_forces(amplitudes, omega, self.fine, derive=False)
-        point, other = (_Point(omega, motion, forces, lost, 1.0) for motion in (amplitudes, coarse))
+        point, other = (_Point(omega, motion, forces, lost, 1.0, fine=self.fine) for motion in (amplitudes, coarse))
         drive, gains = self.drive(omega, count), self.gains(omega, count)
         balanced = replace(point, amplitudes=amplitudes - self.kernels.residual(amplitudes, drive, gains, forces))
         change = self._change(point, other) + self._change(point, balanced)
@@ -219,15 +220,15 @@ class JoinedCondensed(Condensed):
 
     def pressed(self, point: _Point) -> Float[np.ndarray, "normal 4"]:
         """Least and greatest normal force in N, share of the period open, widest gap in m of the normal contacts."""
-        return np.asarray(self._forces(with_harmonics(point.amplitudes, point.count), point.omega, self.fine, False)[4])
+        return np.asarray(self._forces(point.amplitudes, point.omega, point.fine, False)[4])
 
     def start_in_time(self, point: _Point, steps: int) -> tuple[_State, float]:
         """State of a solution at its last sample, where following the contacts has left them, and the phase in rad."""
         from ema.contact.call_kernels import FORCE
 
-        self._forces(point.amplitudes, point.omega, self.fine, False)
+        self._forces(point.amplitudes, point.omega, point.fine, False)
         exchange, states = self.laws[3:]
-        phase = -2 * np.pi / len(self._samples(point.count, self.fine))
+        phase = -2 * np.pi / len(self._samples(point.count, point.fine))
         q, p = self.state_at(point, phase)
         return _State(q, p, self.problem.base.slip @ q, exchange[FORCE].copy(), states[0].copy()), phase
 

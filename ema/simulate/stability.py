@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, gmres
 
 from ema.data import BeamModel, HarmonicResponse
-from ema.data.stability import UNDECIDED, FloquetMultipliers
+from ema.data.stability import UNDECIDED, UNSTABLE, FloquetMultipliers
 from ema.errors import InputError
 from ema.progress import Progress, advance, silent
 from ema.simulate.harmonic import Condensed, _Point, condense
@@ -483,6 +483,14 @@ def _closed(condensed: Condensed, point: _Point, steps: int, begun: np.ndarray |
     return _Closed(period, motion.begun, values, tuple(others), int((~motion.free).sum()) + families)
 
 
+def _contradicted(decided: FloquetMultipliers, values: Complex[np.ndarray, "multiplier"]) -> bool:
+    """Whether the largest of other multipliers is beyond what those of a decided state leave the largest one."""
+    sizes, largest = np.abs(decided.multipliers), float(np.abs(values).max(initial=0.0))
+    if decided.verdict == UNSTABLE:
+        return largest < float((sizes - decided.errors).max())
+    return largest > float((sizes + decided.errors).max(initial=0.0))
+
+
 def _errors(
     distance: Callable[[np.ndarray, np.ndarray], np.ndarray], last: _Closed, half: _Closed, middle: _Closed
 ) -> Float[np.ndarray, "multiplier"]:
@@ -500,8 +508,13 @@ def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
     change where that is more, and what differences forward and backward differ by. Of one inside the unit circle that
     by this might be outside, it is the error of the magnitude: higher modes turn many times in a period, and the phase
     of their multipliers hangs on where within steps contacts begin to slip.
+
+    Where a contact turns at the very end of a step, differences on its two sides are those of different motions, and
+    the errors of this number of steps may be of any size. What fewer steps decided stays decided, as long as the
+    largest multiplier of no number of steps after these is beyond what they leave it.
     """
     steps, last = _STEPS, None
+    decided: FloquetMultipliers | None = None
     result = _open("the time solver has no periodic motion near the harmonic solution")
     known: dict[int, _Closed | None] = {}
     while steps <= _MOST_STEPS:
@@ -518,7 +531,13 @@ def multipliers_of(condensed: Condensed, point: _Point) -> FloquetMultipliers:
             margin = np.maximum(_ACCURATE, _OF_MARGIN * np.abs(np.abs(values) - 1.0))
             if np.all(errors <= margin) and result.verdict != UNDECIDED:
                 break
+            if result.verdict != UNDECIDED:
+                decided = result
+            elif decided is not None and any(_contradicted(decided, one.values) for one in (middle, last)):
+                decided = None
         steps *= 2
+    if result.verdict == UNDECIDED and not result.reason and decided is not None:
+        return decided
     if result.verdict == UNDECIDED and not result.reason:
         return replace(result, reason=_NEAR_CIRCLE)
     return result

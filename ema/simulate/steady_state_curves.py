@@ -23,6 +23,7 @@ _SAMPLED = 24
 """Points of a curve whose multipliers are computed at first, besides those at its folds."""
 _BEGUN = (0.0, 1.0, 0.5)
 """Shares of the band at which the first curve is begun, the next one where there is no state with an error below 1."""
+_NOT_COMPUTED = "its multipliers were not computed"
 _SAME = 0.05
 """Distance of the motion from a curve, relative, within which it lies on it between two of its points."""
 
@@ -156,6 +157,7 @@ def _curve(condensed: Condensed, point: _Point, edges: tuple[float, float]) -> F
         amplitudes=[*back.amplitudes[:-1], *ahead.amplitudes],
         omegas=np.concatenate([back.omegas[:-1], ahead.omegas]),
         errors=np.concatenate([back.errors[:-1], ahead.errors]),
+        fines=[*back.fines[:-1], *ahead.fines],
         ends=(back.ends[0], ahead.ends[1]),
         reasons=(back.reasons[0], ahead.reasons[1]),
     )
@@ -174,8 +176,10 @@ def _with_stability(
 ) -> SteadyStateCurve:
     """The curve with multipliers at some of its points, and the verdicts between those that agree."""
     points = [
-        _point(condensed, float(omega), amplitudes, float(error))
-        for omega, amplitudes, error in zip(curve.omegas, curve.amplitudes, curve.errors, strict=True)
+        _point(condensed, float(omega), amplitudes, (float(error), fine))
+        for omega, amplitudes, error, fine in zip(
+            curve.omegas, curve.amplitudes, curve.errors, curve.fines, strict=True
+        )
     ]
     known: dict[int, FloquetMultipliers] = {}
     if stability:
@@ -190,7 +194,7 @@ def _with_stability(
                 for low, high in pairwise(order)
                 if high - low > 1 and known[low].verdict != known[high].verdict
             ]
-    verdicts, losses = _between(known, len(points))
+    verdicts, losses, undecided = _between(known, len(points))
     return SteadyStateCurve(
         frequencies=_in_hertz(curve.omegas, band),
         values=np.array([condensed.first(point) for point in points]),
@@ -205,20 +209,22 @@ def _with_stability(
         reasons=curve.reasons,
         detached=curve.detached,
         name=condensed.problem.system.name,
+        undecided_because=undecided,
     )
 
 
-def _between(known: dict[int, FloquetMultipliers], count: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Verdict and loss of every point: its own, or those of the neighbours on both sides, which agree."""
-    verdicts, losses, nearest = [UNDECIDED] * count, [""] * count, sorted(known)
+def _between(known: dict[int, FloquetMultipliers], count: int) -> tuple[tuple[str, ...], ...]:
+    """Verdict, loss and why it is undecided of every point: its own, or those of its neighbours, which agree."""
+    verdicts, losses, undecided, nearest = [UNDECIDED] * count, [""] * count, [_NOT_COMPUTED] * count, sorted(known)
     for n in range(count):
         if nearest:
-            before = nearest[max(int(np.searchsorted(nearest, n, side="right")) - 1, 0)]
-            verdicts[n], losses[n] = known[before].verdict, known[before].loss
-    return tuple(verdicts), tuple(losses)
+            before = known[nearest[max(int(np.searchsorted(nearest, n, side="right")) - 1, 0)]]
+            verdicts[n], losses[n], undecided[n] = before.verdict, before.loss, before.reason
+    return tuple(verdicts), tuple(losses), tuple(undecided)
 
 
-def _point(condensed: Condensed, omega: float, amplitudes: np.ndarray, error: float) -> _Point:
-    """A point of a curve as a solution."""
-    forces, _, lost, _ = condensed.contact_forces(amplitudes, omega, condensed.fine, derive=False)
-    return _Point(omega, amplitudes, forces, lost, error)
+def _point(condensed: Condensed, omega: float, amplitudes: np.ndarray, judged: tuple[float, int]) -> _Point:
+    """A point of a curve as a solution; ``judged``: its error and the factor on the nodes with which it was solved."""
+    error, fine = judged
+    forces, _, lost, _ = condensed.contact_forces(amplitudes, omega, fine, derive=False)
+    return _Point(omega, amplitudes, forces, lost, error, fine=fine)

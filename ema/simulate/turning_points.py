@@ -42,10 +42,10 @@ def slope(condensed: Condensed, point: _Point) -> Float[np.ndarray, "contact siz
         return point.slope
     count, omega = point.count, point.omega
     gains, nudged = condensed.gains(omega, count), omega * (1 + _NUDGE)
-    forces, jacobian, _, slips = condensed.contact_forces(point.amplitudes, omega, condensed.fine)
+    forces, jacobian, _, slips = condensed.contact_forces(point.amplitudes, omega, point.fine)
     moved = forces
     if condensed.rates.any():
-        moved = condensed.contact_forces(point.amplitudes, nudged, condensed.fine, derive=False)[0]
+        moved = condensed.contact_forces(point.amplitudes, nudged, point.fine, derive=False)[0]
     there, here = (
         condensed.kernels.residual(point.amplitudes, condensed.drive(place, count), seen, pushed)
         for place, seen, pushed in ((nudged, condensed.gains(nudged, count), moved), (omega, gains, forces))

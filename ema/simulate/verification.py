@@ -30,7 +30,9 @@ _RETURNED, _LEFT = 0.01, 5.0
 """Shares of the push at which the motion has returned, and has left. The unstable direction carries a tenth of a push
 and more; where it carried less than a hundredth, a solution that is left would be taken for a stable one."""
 _CLOSE, _NEARLY = 1e-5, 1e-2
-"""Change of a period, relative, at which a motion from rest has settled, and at most where it is used as a start."""
+"""Change of a period, relative, at which a motion from rest has settled, and at most where it counts as settled."""
+_AVERAGED = 60
+"""Periods whose mean stands for a motion that does not settle: ten times the longest subharmonic that was met."""
 _RANK = 1e-7
 """Singular values of the differences, over the largest, that are taken for rounding."""
 
@@ -88,22 +90,29 @@ def _stepper(condensed: Any, point: Any, steps: int, pushed: float = 1.0) -> tup
     return stepper, phase, begun
 
 
-def settled_from_rest(condensed: Any, omega: float, steps: int = _COARSE_STEPS) -> np.ndarray | None:
+def settled_from_rest(condensed: Any, omega: float, steps: int = _COARSE_STEPS) -> tuple[np.ndarray, bool] | None:
     """Relative displacements (contact, sample) in m over a period of the motion that begins at rest, from phase 0 on.
 
-    ``None`` where it does not settle to the period of the force within ``_MOST_PUSHED`` periods.
+    The second value: whether it settles to the period of the force within ``_MOST_PUSHED`` periods. Where it does not,
+    the displacements are the mean of the last ones: a motion turns about the unstable steady state that it has left.
+    ``None`` where it is not finite.
     """
     problem = condensed.problem
     stepper = Stepper(problem, problem.rest(), 2 * np.pi / omega / steps, (condensed.driven,))
     phase = 2 * np.pi * np.arange(_BLOCK * steps + 1) / steps
     load, limits = condensed.force * np.cos(phase)[:, None], condensed.slip_forces(phase[:-1])
-    for _ in range(_MOST_PUSHED // _BLOCK):
+    mean = np.zeros((steps, len(condensed.limits)))
+    for block in range(_MOST_PUSHED // _BLOCK):
         path = stepper.run(_BLOCK * steps, 1, limits, load)["u"].reshape(_BLOCK, steps, -1)
         last, before = path[-1], path[-2]
+        if (block + 1) * _BLOCK > _MOST_PUSHED - _AVERAGED:
+            mean += path.sum(axis=0) / _AVERAGED
         change, size = np.linalg.norm(last - before), max(float(np.linalg.norm(last)), 1e-300)
         if not np.isfinite(change) or change <= _CLOSE * size:
             break
-    return np.roll(last, 1, axis=0).T if change <= _NEARLY * size else None
+    settled = bool(change <= _NEARLY * size)
+    period = last if settled else mean
+    return (np.roll(period, 1, axis=0).T, settled) if np.all(np.isfinite(period)) else None
 
 
 def stays(condensed: Any, point: Any) -> bool:

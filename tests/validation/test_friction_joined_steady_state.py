@@ -30,6 +30,8 @@ from ema.simulate import (
     respond,
 )
 from ema.simulate.harmonic import condense
+from ema.simulate.stability import multipliers_of
+from ema.simulate.verification import settled_from_rest
 
 F0, K, FC = 100.0, 4e5, 30.0
 LAWS = [
@@ -275,3 +277,26 @@ def test_gaps_that_open_in_every_period_against_the_time_solver(draw):
     assert abs(last - before) < 1e-3 * abs(last) and run.pressure.open_time.max() > 0.3
     assert point is not None and condensed.left > 0.5 * condensed.budget and point.error < 0.05
     assert abs(condensed.first(point)[0] - last) <= (point.error + 1e-3) * abs(last)
+
+
+@pytest.mark.parametrize(("draw", "loss"), [(2, "flip"), (18, "Neimark-Sacker")])
+def test_gaps_whose_motion_does_not_repeat_with_the_force_have_an_unstable_steady_state(draw, loss):
+    """The motion in time leaves it, and turns about it; its period map comes back to it, within a thousandth."""
+    model, force, at, frequency = knocking(draw)
+    condensed = condense(model, force, at, [at], 5e-3)
+    point = condensed.solve(frequency)
+    assert point is not None and point.error <= 5e-3 and condensed.left > 0.5 * condensed.budget
+    multipliers = multipliers_of(condensed, point)
+    assert multipliers.verdict == "unstable" and multipliers.loss == loss and multipliers.distance < 1e-3
+    for steps in (256, 512):
+        mean, settled = settled_from_rest(condensed, point.omega, steps)
+        assert not settled and np.all(np.isfinite(mean))
+
+
+def test_the_motion_about_a_state_that_loses_its_stability_by_a_flip_repeats_after_six_periods():
+    model, force, at, frequency = knocking(2)
+    turns = np.arange(150 * 200 + 1) / 200
+    run = respond(model, force * np.cos(2 * np.pi * turns)[None], [at], frequency * 200, [at], tolerance=3e-4)
+    firsts = (run.displacements[0] * np.exp(-2j * np.pi * turns))[:-1].reshape(150, 200).mean(axis=1)
+    away = [abs(firsts[-1] - firsts[-1 - periods]) / abs(firsts[-1]) for periods in range(1, 7)]
+    assert min(away[:5]) > 0.05 and away[5] < 1e-3
