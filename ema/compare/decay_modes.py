@@ -184,8 +184,8 @@ def _finding(found: Sticking, where: str) -> Finding:
         where,
         "The modes ({frequencies} Hz) are those of the decay from {begin} ms behind the impact on, "
         "where the response has fallen to {share} of that right behind it: from there it is that of "
-        "a linear structure. Modal masses and FRF residues are withheld; poles fitted to the FRFs "
-        "are candidates.",
+        "a linear structure. Modal masses and FRF residues are withheld, and shapes are not compared: what slip "
+        "takes of their amplitudes differs from point to point. Poles fitted to the FRFs are candidates.",
         decays.begins,
         advice="They hold for small amplitudes, with sticking joints.",
         frequencies=fitted,

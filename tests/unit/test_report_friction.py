@@ -10,7 +10,7 @@ import pytest
 
 import ema.report
 from ema import examples, show
-from ema.data import Condition, FrfSet, JointForce, Run, StudyResult
+from ema.data import Condition, Finding, FrfSet, JointForce, Run, StudyResult
 from ema.dof import Dof
 from ema.errors import InputError
 from ema.report.blocks import Book
@@ -103,6 +103,18 @@ def test_mac_between_runs_is_a_picture_and_a_table(page: Page, result: StudyResu
         alt.startswith("MAC between modes of bare and beam_1kN: 2 pairs with a MAC from 1.00 to 1.00") for alt in alts
     )
     assert any(alt == "FRF 1:+Z/1:+Z, the drive point, in runs bare, beam_1kN." for alt in alts)
+
+
+def test_mac_of_modes_after_sticking_is_withheld(result: StudyResult, tmp_path: Path, undrawn: None):
+    """A joint that slips takes another part of a mode at every point struck: what is compared is no shape."""
+    finding = Finding(
+        "info", "modes-after-sticking", "run beam_1kN", "The modes are those of the decay after sticking."
+    )
+    bare, beam = result.runs
+    runs = (bare, replace(beam, findings=(*beam.findings, finding)))
+    page = Page(ema.report.write(replace(result, runs=runs), tmp_path / "r.html"))
+    assert "The MAC between bare and beam_1kN is withheld: modes of beam_1kN are those after sticking" in page.words()
+    assert not (page.path.parent / "r_tables" / "mac_bare_beam_1kN.csv").exists()
 
 
 def test_frfs_are_laid_over_each_other_at_the_drive_point_in_one_sense():
