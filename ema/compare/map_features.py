@@ -371,7 +371,7 @@ def _cells(given: Line, ends: bool = True) -> Float[np.ndarray, "cell"]:
     """
     whole = given.whole or given
     x, y, n, several = _scale(whole), whole.values, len(whole.values), _factor(len(whole.values))
-    bounds = np.maximum(y[:-1], y[1:])
+    bounds: np.ndarray = np.maximum(y[:-1], y[1:])
     tops = _local_maxima(y)
     chosen = tops if ends else tops[(tops > 0) & (tops < n - 1)]
     for k in np.unique(np.concatenate([chosen - 1, chosen])):
@@ -401,17 +401,18 @@ def _foot(given: Line, start: int, step: int) -> int:
 def _peak_between(flanks: Line, k: int) -> float:
     """Upper bound of a peak between the points ``k`` and ``k + 1`` of its flanks; see :func:`_cells`.
 
-    The chords are as flat as the noise allows: what the noise may add is counted with the points.
+    The chords are as flat as the noise allows: what the noise may add is counted with the points. A point that does not
+    stand above the floor beyond the noise has none.
     """
     x, y, sure = flanks.axis, flanks.values, _factor(1)
     floor = float(y.min())
     if floor >= max(y[k], y[k + 1]):
         return floor
-    width = float(x[k + 1] - x[k])
+    width, floor_std = float(x[k + 1] - x[k]), float(flanks.std[int(np.argmin(y))])
     # the extensions of the chords: on the point of their own and on the other one
     own, other = [-np.inf, -np.inf], [-np.inf, -np.inf]
     for side, (near, far) in enumerate(((k, k - 1), (k + 1, k + 2))):
-        if 0 <= far < len(y) and min(y[far], y[near]) > floor:
+        if 0 <= far < len(y) and y[far] > floor and y[near] - floor > sure * np.hypot(flanks.std[near], floor_std):
             own[side] = float(y[near] - floor) ** -0.5
             noise = sure * np.hypot(flanks.std[far], flanks.std[near])
             flat = float(min(y[far] + noise, max(y[near], y[far])) - floor) ** -0.5
