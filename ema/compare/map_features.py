@@ -2,8 +2,11 @@
 
 A line is a map along one axis. What the grid does not resolve is part of every interval: the optimum of a line lies
 between the neighbours of its highest point, and beyond the grid where that point is the last one. Between neighbours
-the values are taken to have at most one optimum. Noise enters by the standard deviations of the map, at 95 %, with
-Bonferroni's correction where many points are compared (Miller, Simultaneous Statistical Inference, 1981).
+the values are taken to have at most one optimum, and only beside a point that is higher, or lower, than both of its
+neighbours. How far such a peak may go beyond the points follows from what the peaks of resonance and friction have in
+common (:func:`_cells`): no step of the grid is taken to be fine enough. Noise enters by the standard deviations of the
+map, at 95 %, with Bonferroni's correction where many points are compared (Miller, Simultaneous Statistical Inference,
+1981).
 """
 
 from collections.abc import Sequence
@@ -46,21 +49,29 @@ class Measure:
 
 @dataclass(frozen=True)
 class Line:
-    """Values (point,) of a map with their std along one increasing axis, holes left out."""
+    """Values (point,) of a map with their std along one increasing axis, holes left out.
+
+    ``whole`` is the line of which this one is a part: what lies beyond the ends of a part says where it has no optimum.
+    """
 
     axis: Float[np.ndarray, "point"]
     values: Float[np.ndarray, "point"]
     std: Float[np.ndarray, "point"]
+    whole: "Line | None" = None
 
     @property
     def negative(self) -> "Line":
         """The line upside down: its dips are peaks."""
-        return Line(self.axis, -self.values, self.std)
+        return Line(self.axis, -self.values, self.std, None if self.whole is None else self.whole.negative)
+
+    def reaches(self, low: float, high: float) -> bool:
+        """Whether both places on the axis were measured."""
+        return all(bool(np.isclose(self.axis, end, rtol=1e-6, atol=0).any()) for end in (low, high))
 
     def within(self, low: float, high: float) -> "Line":
         """The part between two places on the axis, both included."""
         inside = (self.axis >= low * (1 - 1e-9)) & (self.axis <= high * (1 + 1e-9))
-        return Line(self.axis[inside], self.values[inside], self.std[inside])
+        return Line(self.axis[inside], self.values[inside], self.std[inside], self.whole or self)
 
 
 def line(
@@ -225,40 +236,18 @@ def rise(given: Line | Sequence[Measure]) -> Measure:
     """By how much a line is higher at its end than at its start, if it does not fall in between.
 
     Of measures with intervals, such as the ridge at every level, the same. Where a fall on the way is larger than
-    ``REVERSAL`` of the rise, the value is minus that fall: the line does not rise.
+    ``REVERSAL`` of the rise, the value is minus that fall: the line does not rise. Where an optimum between the points
+    may make the fall that large, the interval reaches down to minus what it may be.
     """
-    if isinstance(given, Line):
-        several = _factor(len(given.values))
-        values, half = given.values, several * given.std
-        joint = np.hypot(half[:, None], half[None, :])
-        single = _factor(1) / several * joint[0, -1] if len(values) else 0.0
-        lower = values[:, None] - values[None, :] - joint
-        net_bounds = (-single, single)
-    else:
-        known = [one for one in given if not one.missing]
-        values = np.array([one.value for one in known])
-        low, high = np.array([one.lower for one in known]), np.array([one.upper for one in known])
-        lower = low[:, None] - high[None, :]
-        net_bounds = (low[-1] - high[0], high[-1] - low[0]) if known else (0.0, 0.0)
-    if len(values) < 2:
-        return missing("two points along the axis")
-    net = float(values[-1] - values[0])
-    bounds = (net + net_bounds[0], net + net_bounds[1]) if isinstance(given, Line) else net_bounds
-    pairs = np.triu_indices(len(values), 1)
-    fallen = float(np.max((values[:, None] - values[None, :])[pairs]))
-    surely = float(np.max(lower[pairs]))
-    if fallen <= max(REVERSAL * net, 0.0) or net <= 0:
-        return Measure(net, float(bounds[0]), float(bounds[1]))
-    if surely > REVERSAL * net:
-        return Measure(-fallen, min(-fallen, float(bounds[0])), -surely)
-    return Measure(net, min(-fallen, float(bounds[0])), float(bounds[1]))
+    return _climb(given, _between_points(given)) if isinstance(given, Line) else _climb_of(given)
 
 
 def fall(given: Line | Sequence[Measure]) -> Measure:
     """By how much a line is lower at its end than at its start, if it does not rise in between."""
     if isinstance(given, Line):
-        return rise(given.negative)
-    return rise([Measure(-one.value, -one.upper, -one.lower, one.missing) for one in given])
+        upper, lower = _between_points(given)
+        return _climb(given.negative, (-lower, -upper))
+    return _climb_of([Measure(-one.value, -one.upper, -one.lower, one.missing) for one in given])
 
 
 def ratio(over: Measure, under: Measure) -> Measure:
@@ -290,7 +279,7 @@ def settled(given: Line) -> Measure:
 
 
 def spread(given: Line) -> Measure:
-    """Highest minus lowest value of a line over their mean."""
+    """Highest minus lowest value of the points of a line over their mean."""
     if len(given.values) < 2:
         return missing("two points along the axis")
     mean, several = float(given.values.mean()), _factor(len(given.values))
@@ -353,41 +342,147 @@ def _vertex(given: Line) -> float:
 
 
 def _heights(given: Line) -> Float[np.ndarray, "point"]:
-    """Upper bounds of the optimum that each point stands for: its value, and more where it is a local maximum.
-
-    A concave line lies below the extension of every chord (Boyd and Vandenberghe, Convex Optimization, section 3.1.3).
-    Where the chords further out say beyond the noise that it is not concave, the grid does not resolve it, and the
-    chords beside the point count up to the next point. Smooth peaks (Gaussian, resonance) stay below it up to a
-    step of 1.6 of their half width at 1/sqrt(e) or at half height, and of 1.0 within the first and the last step. A
-    cusp, or a peak narrower than that, may be higher.
-    """
-    x, y = _scale(given), given.values
-    bounds = y.copy()
-    step, slope = np.diff(x), np.diff(y) / np.diff(x)
-    noise = np.zeros(len(y))
-    weights = (1 / step[:-1], 1 / step[:-1] + 1 / step[1:], 1 / step[1:])
-    parts = [weight * given.std[k : len(y) - 2 + k] for k, weight in enumerate(weights)]
-    noise[1:-1] = _factor(1) * np.sqrt(np.sum(np.square(parts), axis=0))
-    bends = -np.diff(slope)
-    for end, inner, cell in ((0, 1, 0), (-1, -2, -1)):
-        # the chord behind the neighbour, extended to the end of the line: y_0 + (slope_0 - slope_1) (x_1 - x_0)
-        if len(y) >= FEWEST and y[end] >= y[inner] and bends[end] > noise[inner]:
-            bounds[end] = y[end] + bends[end] * step[cell]
-    for j in range(1, len(y) - 1):
-        if y[j] < y[j - 1] or y[j] < y[j + 1]:
-            continue
-        left, right, up, down = step[j - 1], step[j], slope[j - 1], -slope[j]
-        before = slope[j - 2] if j >= 2 else np.inf
-        after = -slope[j + 1] if j + 2 < len(y) else np.inf
-        if before < up - noise[j - 1] or after < down - noise[j + 1]:
-            bounds[j] = y[j] + max(up * right, down * left)
-            continue
-        before, after = max(before, up), max(after, down)
-        # chords meet at distance t from the point: y_j + down t = y_j + (before - up) left - before t
-        t = min((before - up) * left / (before + down), left) if np.isfinite(before) and before + down > 0 else left
-        s = min((after - down) * right / (after + up), right) if np.isfinite(after) and after + up > 0 else right
-        bounds[j] = y[j] + max(down * t, up * s)
+    """Upper bounds of the optimum that each point stands for: its value, and more where it is a local maximum."""
+    y, bounds, cells = given.values, given.values.copy(), _cells(given)
+    for j in _local_maxima(y):
+        bounds[j] = max([y[j], *cells[max(j - 1, 0) : j + 1]])
     return bounds
+
+
+def _local_maxima(y: Float[np.ndarray, "point"]) -> np.ndarray:
+    """Points that are not lower than any neighbour, those at the ends included."""
+    padded = np.concatenate([[-np.inf], y, [-np.inf]])
+    return np.flatnonzero((y >= padded[:-2]) & (y >= padded[2:]))
+
+
+def _cells(given: Line, ends: bool = True) -> Float[np.ndarray, "cell"]:
+    """Upper bounds of a line between its points: the higher of two neighbours, and more beside a local maximum.
+
+    Of a peak on a floor one over the root of the height above the floor is convex over the axis, scaled as in
+    :func:`_scale`. For a resonance, 1 / (1 + z^2), it is a hyperbola; the peaks of friction, Gaussian ones, and all
+    whose height is concave or has a concave logarithm are among them, and stay so when more than the floor is taken
+    off. A convex function lies above the extensions of its chords (Boyd and Vandenberghe, Convex Optimization, section
+    3.1.3), so the chords on both sides of two points bound the peak between them, at any step of the grid. Where they
+    do not, as on a peak that one point alone shows, the bound is infinite. The floor is taken to be the lowest point
+    between the valleys beside the peak; a valley is where the line rises again, and a peak what stands above it, beyond
+    the noise.
+
+    Without ``ends`` an optimum at the end of the grid is taken to lie on its last point or beyond.
+    """
+    whole = given.whole or given
+    x, y, n, several = _scale(whole), whole.values, len(whole.values), _factor(len(whole.values))
+    bounds: np.ndarray = np.maximum(y[:-1], y[1:])
+    tops = _local_maxima(y)
+    chosen = tops if ends else tops[(tops > 0) & (tops < n - 1)]
+    for k in np.unique(np.concatenate([chosen - 1, chosen])):
+        if 0 <= k < n - 1:
+            first, last = _foot(whole, int(k), -1), _foot(whole, int(k) + 1, 1)
+            floor = first if y[first] <= y[last] else last
+            if bounds[k] - y[floor] > several * np.hypot(whole.std[k : k + 2].max(), whole.std[floor]):
+                rows = slice(first, last + 1)
+                peak = _peak_between(Line(x[rows], y[rows], whole.std[rows]), int(k) - first)
+                bounds[k] = max(bounds[k], peak)
+    if not len(given.values):
+        return bounds[:0]
+    start = int(np.searchsorted(whole.axis, given.axis[0]))
+    return bounds[start : start + len(given.values) - 1]
+
+
+def _foot(given: Line, start: int, step: int) -> int:
+    """The lowest point from ``start`` outwards, up to where the line rises again beyond the noise."""
+    y, several = given.values, _factor(len(given.values))
+    low = k = start
+    while 0 <= k < len(y) and y[k] - y[low] <= several * np.hypot(given.std[k], given.std[low]):
+        low = k if y[k] <= y[low] else low
+        k += step
+    return low
+
+
+def _peak_between(flanks: Line, k: int) -> float:
+    """Upper bound of a peak between the points ``k`` and ``k + 1`` of its flanks; see :func:`_cells`.
+
+    The chords are as flat as the noise allows: what the noise may add is counted with the points. A point that does not
+    stand above the floor beyond the noise has none.
+    """
+    x, y, sure = flanks.axis, flanks.values, _factor(1)
+    floor = float(y.min())
+    if floor >= max(y[k], y[k + 1]):
+        return floor
+    width, floor_std = float(x[k + 1] - x[k]), float(flanks.std[int(np.argmin(y))])
+    # the extensions of the chords: on the point of their own and on the other one
+    own, other = [-np.inf, -np.inf], [-np.inf, -np.inf]
+    for side, (near, far) in enumerate(((k, k - 1), (k + 1, k + 2))):
+        if 0 <= far < len(y) and y[far] > floor and y[near] - floor > sure * np.hypot(flanks.std[near], floor_std):
+            own[side] = float(y[near] - floor) ** -0.5
+            noise = sure * np.hypot(flanks.std[far], flanks.std[near])
+            flat = float(min(y[far] + noise, max(y[near], y[far])) - floor) ** -0.5
+            other[side] = own[side] - (flat - own[side]) / abs(float(x[far] - x[near])) * width
+    lowest = min(max(own[0], other[1]), max(other[0], own[1]))
+    falls = own[0] - other[1], own[1] - other[0]
+    if np.all(np.isfinite(falls)) and min(falls) > 0:
+        part = falls[0] / sum(falls)
+        lowest = min(lowest, own[0] + part * (other[0] - own[0]))
+    return floor + 1 / lowest**2 if lowest > 0 else np.inf
+
+
+def _between_points(given: Line) -> tuple[Float[np.ndarray, "cell"], Float[np.ndarray, "cell"]]:
+    """Upper and lower bounds of the damping between the points of a line.
+
+    Joints add to the damping of a structure: it has peaks on a floor, which the lowest point at an end of the grid is
+    taken to show. A dip counts where the points show one, with higher points on both sides.
+    """
+    return _cells(given), -_cells(given.negative, ends=False)
+
+
+def _climb(given: Line, between: tuple[Float[np.ndarray, "cell"], Float[np.ndarray, "cell"]]) -> Measure:
+    """What :func:`rise` says of a line with upper and lower bounds between its points."""
+    values, half = given.values, _factor(len(given.values)) * given.std
+    if len(values) < 2:
+        return missing("two points along the axis")
+    joint = np.hypot(half[:, None], half[None, :])
+    single = _factor(1) / _factor(len(values)) * float(joint[0, -1])
+    net = float(values[-1] - values[0])
+    surely = values[:, None] - values[None, :] - joint
+    highs, lows = np.empty(2 * len(values) - 1), np.empty(2 * len(values) - 1)
+    highs[::2] = lows[::2] = values
+    highs[1::2], lows[1::2] = between
+    perhaps = float(np.max(np.maximum.accumulate(highs)[:-1] - lows[1:]))
+    return _unless_reversed(net, (net - single, net + single), _fallen(values), (_largest(surely), perhaps))
+
+
+def _climb_of(given: Sequence[Measure]) -> Measure:
+    """What :func:`rise` says of measures with intervals."""
+    known = [one for one in given if not one.missing]
+    if len(known) < 2:
+        return missing("two points along the axis")
+    values = np.array([one.value for one in known])
+    low, high = np.array([one.lower for one in known]), np.array([one.upper for one in known])
+    bounds = float(low[-1] - high[0]), float(high[-1] - low[0])
+    fallen = _fallen(values)
+    return _unless_reversed(
+        float(values[-1] - values[0]), bounds, fallen, (_largest(low[:, None] - high[None, :]), fallen)
+    )
+
+
+def _largest(differences: Float[np.ndarray, "point point"]) -> float:
+    """The largest difference of an earlier value and a later one."""
+    return float(np.max(differences[np.triu_indices(len(differences), 1)]))
+
+
+def _fallen(values: Float[np.ndarray, "point"]) -> float:
+    return _largest(values[:, None] - values[None, :])
+
+
+def _unless_reversed(
+    net: float, bounds: tuple[float, float], fallen: float, fall_bounds: tuple[float, float]
+) -> Measure:
+    """A rise with its bounds, or minus the fall on the way, as far as that is sure."""
+    surely, perhaps = fall_bounds
+    if max(fallen, perhaps) <= max(REVERSAL * net, 0.0) or net <= 0:
+        return Measure(net, *bounds)
+    if surely > REVERSAL * net:
+        return Measure(-fallen, min(-perhaps, bounds[0]), -surely)
+    return Measure(net, min(-perhaps, bounds[0]), bounds[1])
 
 
 def _sides(damping: Line, place: int) -> list[np.ndarray]:
@@ -403,7 +498,8 @@ def _sides(damping: Line, place: int) -> list[np.ndarray]:
 def _depth(given: Line, damping: Line, place: int) -> Measure:
     """Depth at a point below the highest value on either side, as far as noise and grid determine it.
 
-    A side begins somewhere between its first point and the one before it, which the upper bound counts in.
+    A side begins somewhere between its first point and the one before it, which the upper bound counts in. Where a side
+    rises to the end of the grid, how high it rises beyond is not known.
     """
     doubt = _factor(len(given.values)) * np.hypot(given.std, given.std[place])
     sides = _sides(damping, place)
@@ -413,11 +509,24 @@ def _depth(given: Line, damping: Line, place: int) -> Measure:
     beside = _heights(given)
     flank = min(float(given.values[side].max()) for side in sides)
     started = [np.append(side, side[0] + (1 if side[0] < place else -1)) for side in sides]
-    upper = min(float((beside + doubt)[side[side != place]].max()) for side in started) - deepest
+    tops = [
+        np.inf if _still_rises(given, side) else float((beside + doubt)[side[side != place]].max()) for side in started
+    ]
+    upper = min(tops) - deepest
     if len(sides) < 2:
         return Measure(flank - bottom, -np.inf, upper)
     lower = min(float((given.values - doubt)[side].max()) for side in sides) - highest_there
     return Measure(flank - bottom, lower, upper)
+
+
+def _still_rises(given: Line, side: np.ndarray) -> bool:
+    """Whether a line is highest at the end of the grid on a side, and has not settled there: it may rise on beyond."""
+    last, before = int(side.max()), int(side.max()) - 1
+    if side.min() == 0:
+        last, before = 0, 1
+    doubt = _factor(len(given.values)) * np.hypot(given.std[last], given.std[before])
+    off = given.values[last] - given.values[before]
+    return bool(given.values[side].max() == given.values[last] and off > SETTLED * np.ptp(given.values) + doubt)
 
 
 def _about_vertex(given: Line, damping: Line, place: int) -> tuple[float, float]:

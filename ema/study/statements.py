@@ -122,6 +122,17 @@ class _Lines:
             chosen &= np.isclose(forces, nominal, rtol=1e-6)
         return [features.line(axis, values[:, k], std[:, k]).within(low, high) for k in np.flatnonzero(chosen)]
 
+    def damping_along(self) -> list[tuple[Line, tuple[float, float]]]:
+        """The lines of a rise or a fall, and the places on the axis from which to which they are to go."""
+        if self.table.force is None:
+            lines, axis, part = self.rows("damping"), np.asarray(self.map.normal_forces), self.table.forces
+        else:
+            lines, axis, part = self.columns("damping"), np.asarray(self.map.force_levels), self.table.levels
+        low, high = part or (0.0, np.inf)
+        named = axis[(axis >= low * (1 - 1e-9)) & (axis <= high * (1 + 1e-9))]
+        ends = (float(named.min()), float(named.max())) if len(named) else (low, high)
+        return [(one, ends) for one in lines]
+
     def best_level(self) -> Measure:
         """The level at which the highest damping of all normal forces in the range lies."""
         rows, levels = self.rows("damping"), np.asarray(self.map.force_levels)
@@ -160,8 +171,8 @@ def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> list[Meas
         case "rise of ridge":
             return [features.rise([features.ridge(one) for one in lines.rows("damping")])]
         case "rise of damping" | "fall of damping":
-            along = lines.rows("damping") if table.force is None else lines.columns("damping")
-            return [features.rise(one) if table.quantity.startswith("rise") else features.fall(one) for one in along]
+            climb = features.rise if table.quantity.startswith("rise") else features.fall
+            return [climb(one) if one.reaches(*ends) else _unmeasured(ends) for one, ends in lines.damping_along()]
         case "peak of damping":
             return [features.peak(one) for one in lines.rows("damping")]
         case "dip of frequency":
@@ -184,6 +195,10 @@ def _of_map(table: StatementTable, charts: Mapping[str, MapResult]) -> list[Meas
         expected="a quantity of a map",
         advice="name a run instead of a map",
     )
+
+
+def _unmeasured(ends: tuple[float, float]) -> Measure:
+    return features.missing(f"measured points at {ends[0]:g} and {ends[1]:g} N")
 
 
 def _ridges_over(table: StatementTable, over: ModalMap, under: ModalMap) -> list[Measure]:

@@ -2,7 +2,7 @@
 
 Every family of rules gets maps of nine kinds: the statement is true, false, just true or just false; the map is
 constant, has holes, its optimum at the edge of the grid or beyond, two peaks, or its optimum between two grid points.
-Each is judged on two grids, with noise of 0, 1 and 3 % of what the map spans. The rules see the points of the grid and
+Each is judged on two grids, rules along the normal force on that of the work table as well, with noise of 0, 1 and 3 % of what the map spans. The rules see the points of the grid and
 their standard deviations; the truth is that of the closed form, by nothing but its largest and smallest values.
 
     python -m tests.bench.verdicts --n 6 --seed 1
@@ -28,6 +28,8 @@ GRIDS: tuple[Grid, Grid] = (
 )
 SQUARE: Grid = (np.geomspace(5, 40, 12), np.geomspace(5, 1200, 12))
 """The grid on which axes can be interchanged."""
+WORK_TABLE: Grid = (np.array([6.0, 10, 15, 20, 25, 30, 35, 40]), np.array([5.0, 25, 60, 100, 150, 300, 1200]))
+"""The grid of ``reports/work_table_absorber.toml``: its steps differ by a factor of four."""
 NOISES = (0.0, 0.01, 0.03)
 KINDS = ("true", "false", "just true", "just false", "constant", "hole", "edge", "two peaks", "between")
 FAMILIES = (
@@ -42,8 +44,22 @@ FAMILIES = (
     "highest damping",
     "ridge over that of map",
     "spread over levels",
+    "rise along F_N",
+    "fall along F_N",
+    "damping over ridge",
+    "ridge over sticking",
 )
-PLACES = ("ridge", "peak level", "level of the highest damping", "ridge over that of map")
+ALONG_FORCE = ("rise along F_N", "fall along F_N", "damping over ridge", "ridge over sticking")
+"""Families whose peaks are those of resonance and friction too, on the grid of the work table too."""
+QUANTITIES = {
+    "level of the highest damping": "peak level",
+    "rise along F_N": "rise of damping",
+    "fall along F_N": "fall of damping",
+}
+"""What a recipe calls a family, where its name is another one."""
+UNCHANGED = ("rise of damping", "fall of damping", "rise along F_N", "fall along F_N", "peak of damping")
+"""Families of which a constant line is no instance: no change is no rise."""
+PLACES = ("ridge", "peak level", "level of the highest damping", "ridge over that of map", "ridge over sticking")
 """Families whose value is a place on an axis: a constant map has none, and no verdict on it is right."""
 SPAN_DAMPING, SPAN_FREQUENCY = 1.0, 5.0
 """What maps span, in percent and Hz: noise is relative to it."""
@@ -71,6 +87,18 @@ class Trial:
 def bump(x: np.ndarray, at: np.ndarray | float, width: float) -> np.ndarray:
     """A peak of height one on a logarithmic axis."""
     return np.exp(-(np.log(x / at) ** 2) / (2 * width**2))
+
+
+def resonance(x: np.ndarray, at: np.ndarray | float, width: float) -> np.ndarray:
+    """A peak of height one with the flanks of a resonance, ``width`` its half width at half height."""
+    return 1 / (1 + (np.log(x / at) / width) ** 2)
+
+
+def friction(x: np.ndarray, at: np.ndarray | float, power: float) -> np.ndarray:
+    """What a Masing spring adds, with height one: nothing from the force on from which it sticks."""
+    part = x / at * power / (power + 1)
+    best = power**power / (power + 1) ** (power + 1)
+    return np.where(part < 1, part**power * np.clip(1 - part, 0, None), 0.0) / best
 
 
 def flat(value: float) -> Surface:
@@ -147,6 +175,14 @@ def truths(trial: Trial, grid: Grid) -> list[float]:
             return values
         case "highest damping":
             return [float(damping(dense(levels)[::60, None], wide[::4]).max())]
+        case "rise along F_N" | "fall along F_N":
+            part = dense(keys["forces"])
+            return [net_rise((1 if trial.family.startswith("rise") else -1) * damping(one, part)) for one in along]
+        case "damping over ridge":
+            part = dense(keys["forces"])
+            return [float(damping(one, part).max() / damping(one, wide).max()) for one in along]
+        case "ridge over sticking":
+            return [top_of(damping(one, wide), wide) / sticking(damping(one, far), far) for one in along]
         case "spread over levels":
             values = [damping(dense(levels), np.array([force])) for force in forces]
             points = [damping(levels, np.array([force])) for force in forces]
@@ -154,13 +190,20 @@ def truths(trial: Trial, grid: Grid) -> list[float]:
     raise AssertionError(trial.family)
 
 
+def sticking(values: np.ndarray, axis: np.ndarray) -> float:
+    """From where on a line does not change any more."""
+    return float(axis[int(np.flatnonzero(values != values[-1])[-1]) + 1])
+
+
 def unit(family: str, grid: Grid) -> float:
     """How far from its limit a value is called away from it: one and a half steps of the grid for a place, three for
     what two places make, a fifth to a third of what the map spans for values."""
-    steps = [float(np.log(axis[1] / axis[0])) for axis in grid]
+    steps = [float(np.log(axis[-1] / axis[0])) / (len(axis) - 1) for axis in grid]
     return {
         "ridge": 1.5 * steps[1],
         "ridge over that of map": 3 * steps[1],
+        "ridge over sticking": 3 * steps[1],
+        "damping over ridge": 0.15,
         "peak level": 1.5 * steps[0],
         "level of the highest damping": 1.5 * steps[0],
         "peak of damping": 0.2 * SPAN_DAMPING,
@@ -177,15 +220,14 @@ def margin(trial: Trial, grid: Grid) -> float:
         if trial.family in PLACES:
             found.append(min(np.log(value / low) if low > 0 else np.inf, np.log(high / value)))
         elif trial.family == "rise of ridge":
-            ends = [top_of(trial.damping(np.array([one]), dense(grid[1])), dense(grid[1])) for one in _ends(grid)]
-            found.append(np.log(ends[1] / ends[0]) / (3 * np.log(grid[1][1] / grid[1][0])) * unit(trial.family, grid))
+            wide = dense(grid[1])
+            places = np.log([top_of(trial.damping(np.array([one]), wide), wide) for one in grid[0]])
+            fallen = float(np.max(np.maximum.accumulate(places) - places))
+            far = places[-1] - places[0] if value > 0 or places[-1] < places[0] else -fallen
+            found.append(far / (3 * np.log(grid[1][1] / grid[1][0])) * unit(trial.family, grid))
         else:
             found.append(min(value - low, high - value))
     return float(min(found)) / unit(trial.family, grid)
-
-
-def _ends(grid: Grid) -> tuple[float, float]:
-    return float(grid[0][0]), float(grid[0][-1])
 
 
 # ---- maps
@@ -196,6 +238,8 @@ def drawn(family: str, kind: str, rng: np.random.Generator, grid: Grid) -> Trial
     far = {"just true": rng.uniform(0.02, 0.3), "just false": -rng.uniform(0.02, 0.3)}
     sure = {"true": 1.0, "false": -1.0}.get(kind, float(rng.choice([-1.0, 1.0])))
     distance = far.get(kind, sure * rng.uniform(1.05, 2.67))
+    if family in ALONG_FORCE:
+        return _along_force(family, kind, rng, grid, distance)
     trial = _shape(family, kind, rng, grid, distance)
     if family in ("rise of ridge", "rise of damping", "fall of damping"):
         return replace(trial, keys={**trial.keys, "low": 0.0})
@@ -248,7 +292,7 @@ def _shape(family: str, kind: str, rng: np.random.Generator, grid: Grid, distanc
     if family == "peak level":
         return Trial(damping=lambda level, force: peak(level) + 0 * force, frequency=steady, **made)
     if family == "level of the highest damping":
-        ridge, slope = rng.uniform(40, 200), rng.uniform(-0.5, 0.5)
+        ridge, slope = float(np.exp(rng.uniform(*np.log([10, 600])))), rng.uniform(-0.5, 0.5)
         return Trial(
             damping=lambda level, force: 0.6 + (peak(level) - 0.6) * bump(force, ridge * (level / 15) ** slope, 0.9),
             frequency=steady,
@@ -270,6 +314,65 @@ def _shape(family: str, kind: str, rng: np.random.Generator, grid: Grid, distanc
         other=_other(rng, forces),
         **made,
     )
+
+
+def _along_force(family: str, kind: str, rng: np.random.Generator, grid: Grid, distance: float) -> Trial:
+    """A map with a ridge that moves with the level, its peaks those of resonance, friction or Gaussian, and a part of a
+    row. Of rises and falls that are to be (just) true or false, map and part are drawn until they are."""
+    levels, forces = grid
+    keys: dict = {"level": float(levels[int(rng.integers(len(levels)))])}
+    made = {"family": family, "kind": kind, "holes": int(rng.integers(1, 3)) if kind == "hole" else 0}
+    made["frequency"] = flat(500.0)
+    constant = Trial(damping=flat(0.8), keys=keys | {"forces": [float(forces[1]), float(forces[-1])]}, **made)
+    if kind == "constant":
+        limit = {"ridge over sticking": {"low": 0.5}, "damping over ridge": {"high": 1.0}}.get(family, {"low": 0.0})
+        keys = keys if family == "ridge over sticking" else constant.keys
+        return replace(constant, keys=keys | limit)
+    for _ in range(5000):
+        damping = _moving(family, kind, rng, grid)
+        if family == "ridge over sticking":
+            trial = Trial(damping=damping, keys=keys, **made)
+            low = truths(trial, grid)[0] * np.exp(-distance * unit(family, grid))
+            return replace(trial, keys=keys | {"low": low})
+        first, last = np.sort(rng.choice(len(forces), 2, replace=False))
+        last = last if rng.random() < 0.5 else len(forces) - 1
+        trial = Trial(damping=damping, keys=keys | {"forces": [float(forces[first]), float(forces[last])]}, **made)
+        if family == "damping over ridge":
+            return replace(trial, keys=trial.keys | {"high": truths(trial, grid)[0] + distance * unit(family, grid)})
+        trial = replace(trial, keys=trial.keys | {"low": 0.0})
+        far, near = margin(trial, grid), _nearness(trial)
+        wanted = far * distance > 0 and (near < 0.3 if kind.startswith("just") else abs(far) > 1)
+        if wanted or kind not in ("true", "false", "just true", "just false"):
+            return trial
+    raise AssertionError("no part of such a map")
+
+
+def _nearness(trial: Trial) -> float:
+    """How far a part of a row is from neither rising nor falling, or from a reversal that matters, in units."""
+    values = trial.damping(np.array([trial.keys["level"]]), dense(trial.keys["forces"]))
+    values = values if trial.family.startswith("rise") else -values
+    net, fallen = float(values[-1] - values[0]), float(np.max(np.maximum.accumulate(values) - values))
+    return min(abs(net), abs(fallen - REVERSAL * net)) / (0.3 * SPAN_DAMPING)
+
+
+def _moving(family: str, kind: str, rng: np.random.Generator, grid: Grid) -> Surface:
+    """Peaks over the normal force that move with the level."""
+    levels, forces = grid
+    at, height = _place(kind, rng, forces), rng.uniform(0.7, 1.0) * SPAN_DAMPING
+    width, power, exponent = rng.uniform(0.5, 0.9), rng.uniform(0.6, 2.5), rng.uniform(-0.5, 0.8)
+    if kind in ("edge", "between"):
+        exponent = 0.0
+    rubs = family == "ridge over sticking"
+    form = friction if rubs else (bump, resonance, friction)[int(rng.integers(3))]
+    size = power if form is friction else width
+    lower = rng.uniform(0.3, 0.7) if kind == "two peaks" else 0.0
+    apart = np.exp(-rng.uniform(3.5, 4.5) * 0.7)
+
+    def damping(level: np.ndarray, force: np.ndarray) -> np.ndarray:
+        centre = at * (level / np.sqrt(levels[0] * levels[-1])) ** exponent
+        return 0.6 + height * (form(force, centre, size) + lower * form(force, centre * apart, size))
+
+    return damping
 
 
 def _other(rng: np.random.Generator, forces: np.ndarray) -> Surface:
@@ -326,7 +429,7 @@ def verdict(trial: Trial, grid: Grid, noise: float, rng: np.random.Generator) ->
         place = tuple(int(rng.integers(size)) for size in damping.shape)
         damping[place] = frequency[place] = np.nan
     maps = [as_map("map", damping, frequency, grid, noise, rng)]
-    quantity = "peak level" if trial.family == "level of the highest damping" else trial.family
+    quantity = QUANTITIES.get(trial.family, trial.family)
     keys = dict(trial.keys)
     if trial.family == "ridge over that of map":
         maps.append(as_map("other", np.array(trial.other(level, force)), frequency, grid, noise, rng))
@@ -337,7 +440,10 @@ def verdict(trial: Trial, grid: Grid, noise: float, rng: np.random.Generator) ->
 
 @dataclass(frozen=True)
 class Outcome:
-    """One verdict: whether the statement ``holds`` (``None``: it has no answer), and how far from its limit."""
+    """One verdict: whether the statement ``holds`` (``None``: it has no answer), and how far from its limit.
+
+    ``uneven``: on the grid of the work table, whose widest step is three half widths of the narrowest peaks.
+    """
 
     family: str
     kind: str
@@ -345,6 +451,7 @@ class Outcome:
     holds: bool | None
     margin: float
     verdict: str
+    uneven: bool = False
 
     @property
     def wrong(self) -> bool:
@@ -363,18 +470,19 @@ class Outcome:
 
 
 def outcomes(family: str, count: int, seed: int) -> list[Outcome]:
-    """Verdicts on ``count`` maps of every kind, on both grids and at every noise."""
+    """Verdicts on ``count`` maps of every kind, on every grid and at every noise."""
     found = []
     for number in range(count):
         for kind in KINDS:
-            for which, grid in enumerate(GRIDS):
+            for which, grid in enumerate((*GRIDS, WORK_TABLE) if family in ALONG_FORCE else GRIDS):
                 rng = np.random.default_rng([seed, FAMILIES.index(family), KINDS.index(kind), number, which])
                 trial = drawn(family, kind, rng, grid)
                 nothing = kind == "constant" and family in PLACES
                 far = 0.0 if nothing else margin(trial, grid)
                 holds = None if nothing else bool(far > 0)
                 for noise in NOISES:
-                    found.append(Outcome(family, kind, noise, holds, far, verdict(trial, grid, noise, rng)))
+                    says = verdict(trial, grid, noise, rng)
+                    found.append(Outcome(family, kind, noise, holds, far, says, uneven=which == len(GRIDS)))
     return found
 
 
@@ -395,8 +503,27 @@ def turned(surface: Surface, about: float) -> Surface:
     return lambda level, force: 2 * about - surface(level, force)
 
 
+def answer(trial: Trial, grid: Grid) -> tuple[bool | None, bool]:
+    """Whether the statement holds (``None``: a line that does not change has no optimum), and whether that is clear."""
+    along, across = np.array([dense(grid[0])[::60]]).T, dense(grid[1])[::60]
+    values = trial.damping(along, across)
+    if trial.family == "peak level":
+        values = trial.damping(along, np.array([trial.keys["force"]])).T
+    elif "level" in trial.keys:
+        values = trial.damping(np.array([[trial.keys["level"]]]), across)
+    if trial.family in PLACES and np.all(np.ptp(values, axis=1) < 1e-9):
+        return None, True
+    far = margin(trial, grid)
+    unchanged = trial.family in UNCHANGED and abs(far) < 1e-9
+    return bool(far > 0) and not unchanged, abs(far) > 1 or unchanged
+
+
 def changes(family: str, count: int, seed: int) -> dict[str, tuple[int, int, int]]:
-    """By transformation: how many verdicts had to change, how many did, how many became wrong."""
+    """By transformation: how many verdicts had to change, how many did, how many became wrong.
+
+    A verdict has to change where the map decided the statement and the answer became clearly another one; one that was
+    undecided and stays so is no wrong answer.
+    """
     found = {}
     for name in ("axes interchanged", "sign changed"):
         due = done = wrong = 0
@@ -416,10 +543,11 @@ def changes(family: str, count: int, seed: int) -> dict[str, tuple[int, int, int
                     damping=turned(trial.damping, 0.9) if family != "dip of frequency" else trial.damping,
                     frequency=turned(trial.frequency, 500.0),
                 )
-            before, after = margin(trial, SQUARE), margin(other, SQUARE)
+            (before, _), (after, clear) = answer(trial, SQUARE), answer(other, SQUARE)
             says = [verdict(one, SQUARE, 0.0, np.random.default_rng(0)) for one in (trial, other)]
-            wrong += says[1] == ("not matched" if after > 0 else "matched") and abs(after) > 1e-9
-            if abs(before) > 1 and abs(after) > 1 and (before > 0) != (after > 0):
+            right = {True: "matched", False: "not matched", None: ""}
+            wrong += clear and says[1] in {"matched", "not matched"} - {right[after]}
+            if before is not after and clear and says[0] == right[before]:
                 due += 1
                 done += says[0] != says[1]
         found[name] = due, done, wrong
@@ -431,12 +559,16 @@ def table(results: Sequence[Outcome]) -> str:
     head = "| rule | maps | " + " | ".join(f"wrong, {100 * noise:g} %" for noise in NOISES) + " | "
     head += " | ".join(f"undecided away from the limit, {100 * noise:g} %" for noise in NOISES) + " |"
     lines = [head, "|---" * (2 + 2 * len(NOISES)) + "|"]
-    for family in dict.fromkeys(one.family for one in results):
-        own = [[one for one in results if (one.family, one.noise) == (family, noise)] for noise in NOISES]
+    for family, uneven in dict.fromkeys(
+        (one.family, one.uneven) for one in sorted(results, key=lambda one: one.uneven)
+    ):
+        rows = [one for one in results if (one.family, one.uneven) == (family, uneven)]
+        own = [[one for one in rows if one.noise == noise] for noise in NOISES]
         wrong = [f"{sum(one.wrong for one in part)}" for part in own]
         away = [[one for one in part if one.away] for part in own]
         open_ = [f"{sum(one.undecided for one in part)} of {len(part)}" for part in away]
-        lines.append(f"| {family} | {len(own[0])} | {' | '.join(wrong)} | {' | '.join(open_)} |")
+        name = f"{family}, uneven grid" if uneven else family
+        lines.append(f"| {name} | {len(own[0])} | {' | '.join(wrong)} | {' | '.join(open_)} |")
     return "\n".join(lines)
 
 

@@ -103,6 +103,56 @@ def test_an_optimum_between_grid_points_lies_in_the_interval():
         assert features.highest([features.line(FORCES, bump(FORCES, at))]).upper >= 1
 
 
+def falls(values):
+    """Whether dense values fall, and less than a quarter of that is lost on the way."""
+    net, reversal = values[0] - values[-1], np.max(values - np.minimum.accumulate(values))
+    return bool(net > 0 and reversal <= 0.25 * net)
+
+
+@pytest.mark.parametrize("form", [verdicts.bump, verdicts.resonance, verdicts.friction])
+def test_a_fall_counts_the_ridge_between_two_normal_forces(form):
+    """Peaks with half widths of 0.5 to 0.9 in the logarithm over the normal forces of the work table, without noise. The
+    rule before looked at the points alone: 35 of 4000 verdicts on falls from 60 N of resonance peaks were wrong."""
+    rng, forces = np.random.default_rng(0), verdicts.WORK_TABLE[1]
+    decided = 0
+    for _ in range(1000):
+        at, width = np.exp(rng.uniform(*np.log([5, 1200]))), rng.uniform(0.5, 0.9)
+        first, last = np.sort(rng.choice(len(forces), 2, replace=False))
+        dense = np.geomspace(forces[first], forces[last], 2001)
+        whole = features.line(forces, 0.64 + form(forces, at, width))
+        part = whole.within(forces[first], forces[last])
+        for sign in (1, -1):
+            measure = (features.fall if sign > 0 else features.rise)(part)
+            verdict = features.decide([measure], 0.0, np.inf, True)[0]
+            assert verdict in ("undecided", "matched" if falls(sign * form(dense, at, width)) else "not matched")
+            decided += verdict != "undecided"
+    assert decided > 0.8 * 2000
+
+
+def test_a_fall_of_points_that_stand_alone_is_undecided_where_they_may_hide_a_ridge():
+    """From 60 N on with nothing below: 75 N is the ridge of the first line, and 30 N that of the second."""
+    forces = verdicts.WORK_TABLE[1][2:]
+    hidden = features.fall(features.line(forces, verdicts.resonance(forces, 75.0, 0.3)))
+    assert features.decide([hidden], 0.0, np.inf, True)[0] == "undecided"
+    shown = features.line(verdicts.WORK_TABLE[1], verdicts.resonance(verdicts.WORK_TABLE[1], 30.0, 0.6))
+    assert features.decide([features.fall(shown.within(60, 1200))], 0.0, np.inf, True)[0] == "matched"
+
+
+@pytest.mark.parametrize("form", [verdicts.bump, verdicts.resonance, verdicts.friction])
+def test_the_highest_value_is_in_its_interval_where_steps_are_wider_than_the_peak(form):
+    """Steps of 0.4 to 1.6 in the logarithm, half widths of 0.5 to 0.9: what chords beside a point said missed one summit
+    in 60 to one in four."""
+    rng, forces = np.random.default_rng(1), verdicts.WORK_TABLE[1]
+    for _ in range(1000):
+        at, width = np.exp(rng.uniform(*np.log([5, 1200]))), rng.uniform(0.5, 0.9)
+        first = rng.integers(len(forces) - 1)
+        whole = features.line(forces, 0.64 + form(forces, at, width))
+        dense = np.geomspace(forces[first], forces[-1], 2001)
+        top = features.highest([whole.within(forces[first], forces[-1])])
+        summit = 0.64 + form(dense, at, width).max()
+        assert top.lower - 1e-9 <= max(summit, top.value) <= top.upper + 1e-9
+
+
 @pytest.mark.parametrize(("at", "which"), [(2.0, "lower"), (5000.0, "upper")])
 def test_an_optimum_at_the_edge_is_open_on_that_side(at, which):
     top = features.ridge(features.line(FORCES, bump(FORCES, at)))
@@ -113,8 +163,20 @@ def test_an_optimum_at_the_edge_is_open_on_that_side(at, which):
 def test_two_peaks_of_equal_height_leave_the_ridge_undecided_and_unequal_ones_do_not():
     equal = 0.6 + bump(FORCES, FORCES[3], 0.3) + bump(FORCES, FORCES[8], 0.3)
     assert judged(as_map(equal), "ridge", low=100, high=1000).verdict == "undecided"
-    unequal = 0.6 + 0.5 * bump(FORCES, FORCES[3], 0.3) + bump(FORCES, FORCES[8], 0.3)
+    unequal = 0.6 + 0.5 * bump(FORCES, FORCES[3], 0.5) + bump(FORCES, FORCES[8], 0.5)
     assert judged(as_map(unequal), "ridge", low=100, high=1000).verdict == "matched"
+
+
+def test_of_two_peaks_narrower_than_a_step_the_lower_one_may_be_the_higher():
+    """Gaussian peaks of heights 0.5 and 1 with a step of 1.7 of their width. The verdict had been *matched* for the second
+    one; but a line through the same points, one over the root of its height convex, is higher beside the first."""
+    heights = 0.5 * bump(FORCES, FORCES[3], 0.3) + bump(FORCES, FORCES[8], 0.3)
+    root = heights[2:6] ** -0.5
+    part = np.linspace(0, 1, 201)
+    between = np.maximum(root[1] + (root[1] - root[0]) * part, root[2] + (root[2] - root[3]) * (1 - part))
+    assert between[[0, -1]] == pytest.approx(root[1:3]) and np.all(np.diff(root, 2) > 0)
+    assert between.min() ** -2 > 1
+    assert judged(as_map(0.6 + heights), "ridge", low=100, high=1000).verdict == "undecided"
 
 
 def test_a_constant_map_has_no_peak_rise_fall_or_dip():
@@ -136,6 +198,18 @@ def test_a_hole_widens_the_ridge_and_a_missing_point_is_not_testable():
     statement = judged(as_map(damping), "damping", **at)
     assert statement.verdict == "not testable here" and "measured point" in statement.reason
     assert judged(as_map(moving(0.0)), "damping", level=float(LEVELS[0]), force=101.0).verdict == "not testable here"
+
+
+def test_a_rise_begins_and_ends_at_points_that_were_measured():
+    """1, 0, 0.5, 1, ... over the level: without the first point it looks like a rise."""
+    damping = np.tile(np.linspace(0.6, 1.6, 8)[:, None], (1, 12))
+    damping[0] = 1.6
+    force = float(FORCES[2])
+    assert judged(as_map(damping), "rise of damping", force=force).verdict == "not matched"
+    damping[0] = np.nan
+    unknown = judged(as_map(damping), "rise of damping", force=force)
+    assert unknown.verdict == "not testable here" and "measured points at 5 and 40 N" in unknown.reason
+    assert judged(as_map(damping), "rise of damping", force=force, levels=[6, 40]).verdict == "matched"
 
 
 def test_a_reversal_on_the_way_is_no_rise():
@@ -162,19 +236,19 @@ def test_swapped_sign_and_transposed_axes_change_the_verdict():
 
 @pytest.fixture(scope="module")
 def drawn_verdicts():
-    """54 maps of nine kinds on two grids for every family."""
+    """54 maps of nine kinds on two grids for every family, and 27 on that of the work table along the normal force."""
     return [one for family in verdicts.FAMILIES for one in verdicts.outcomes(family, 3, 11)]
 
 
 @pytest.mark.parametrize("noise", verdicts.NOISES)
 def test_verdicts_on_drawn_maps(drawn_verdicts, noise):
     """Of every family none is wrong without noise, and at most 2 % with it; away from the limit at most a fifth of all is
-    undecided. (The figures of docs/maps.md are those of twice as many maps of another seed, by family.)"""
+    undecided on the grids with even steps. (The figures of docs/maps.md are those of twice as many maps of another seed, by family.)"""
     own = [one for one in drawn_verdicts if one.noise == noise]
     for family in verdicts.FAMILIES:
         wrong = [one for one in own if one.family == family and one.wrong]
         assert len(wrong) <= (0.02 * 54 if noise else 0), wrong
-    away = [one for one in own if one.away]
+    away = [one for one in own if one.away and not one.uneven]
     assert sum(one.undecided for one in away) <= 0.2 * len(away)
 
 
@@ -195,16 +269,15 @@ def test_the_bench_counts_a_rule_that_does_not_measure():
 
 @pytest.mark.parametrize("share", [0.5, 1.0, 1.6])
 def test_the_highest_value_between_grid_points_lies_in_the_interval(share):
-    """Gaussian peaks of known height on grids with a step of ``share`` widths, their summit anywhere between the points;
-    with steps above one width not in the first and the last step, where two points do not show a summit."""
+    """Gaussian peaks of known height on grids with a step of ``share`` widths, their summit anywhere between the points."""
     rng = np.random.default_rng(3)
     axis = np.exp(np.arange(8) * share * 0.6)
-    inner = axis[[0, -1] if share <= 1 else [1, -2]]
-    for at in np.exp(rng.uniform(*np.log(inner), 200)):
+    for at in np.exp(rng.uniform(*np.log(axis[[0, -1]]), 200)):
         top = features.highest([features.line(axis, 0.6 + bump(axis, at))])
         assert top.lower <= 1.6 <= top.upper
     flat = features.highest([features.line(axis, 0.6 + np.linspace(0, 1, 8))])
-    assert flat.upper == pytest.approx(1.6), "a line that rises to its end has no summit between its points"
+    root = (np.arange(5, 7) / 7) ** -0.5
+    assert flat.upper == pytest.approx(0.6 + (2 * root[1] - root[0]) ** -2), "and none but in the last step"
 
 
 def test_sentences_and_readings_stand_apart_in_the_report():
