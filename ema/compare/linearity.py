@@ -202,12 +202,21 @@ def linearity(run: Run, band: tuple[float, float], progress: Progress = silent) 
         if decays is None:
             break
         judged = replace(judge(decays), later=later)
-        # What slips beyond measure is not linear, whatever a later decay says; it may say how much. Nor is a doubt
-        # removed by it, for it sees less: noise is amplified by the longer way back.
-        result = judged if later == LATE or judged.verdict == "not linear" else result
+        # What slips beyond measure is not linear, whatever a later decay says; it may say how much. It sees less, for
+        # noise is amplified by the longer way back, and decides where nothing but noise had left a doubt.
+        result = judged if judged.verdict == "not linear" or not _stands(result) else result
         if result.verdict in ("linear", "not linear") and not _beyond(result):
             break
     return replace(result, free=free)
+
+
+def _stands(result: Linearity) -> bool:
+    """Whether a verdict stands against that of a decay that begins later: all but doubts that noise may have left."""
+    tests = [
+        (one, usual) for one, usual in ((result.constants, CHANGE), (result.decay, DECAY_CHANGE)) if one is not None
+    ]
+    doubt = any(one.unexplained and one.size >= one.limit(usual) for one, usual in tests)
+    return doubt or result.verdict != "not testable"
 
 
 def _beyond(result: Linearity) -> bool:
