@@ -40,8 +40,8 @@ def _mac(base: RunResult, other: RunResult, book: Book) -> list[Block]:
         return [
             Text(
                 text(
-                    "The MAC between {base} and {run} is withheld: modes of {slipped} are those after sticking, and what slip "
-                    "takes of their amplitudes differs from point to point.",
+                    "The MAC between {base} and {run} is withheld: modes of {slipped} are those after sticking, and "
+                    "what slip takes of their amplitudes differs from point to point.",
                     base=base.run.id,
                     run=other.run.id,
                     slipped=", ".join(slipped),
