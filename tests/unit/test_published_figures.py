@@ -8,7 +8,6 @@ from tests.bench.accuracy import JUDGES, RESTS
 WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER: set[str] = {
-    "accuracy, halves",
     "archive",
     "fit, 160x1601",
     "fit, 160x6401",
