@@ -9,10 +9,6 @@ WITHOUT = {"accuracy, peers"}
 """Measured before fingerprints were kept: an entry goes when its bench has run again."""
 OLDER: set[str] = {
     "archive",
-    "fit, 160x1601",
-    "fit, 160x6401",
-    "fit, 900x4096",
-    "fit, random",
     "joint_maps",
     "large, 25000",
     "large, 50000",
