@@ -13,6 +13,7 @@ import numpy as np
 
 from ema import place
 from ema.place import predict
+from tests.bench import marked
 from tests.validation.test_placement import NOISE, Table, figures, judged, spots
 
 RANK, REGRET = 0.95, 0.05
@@ -66,10 +67,7 @@ def main() -> None:
     text = "\n".join(lines(np.array(alone), np.array(together)))
     print(text)
     if given.write:
-        begin, end = (f"<!-- ranking: {part} -->" for part in ("begin", "end"))
-        before, rest = given.write.read_text(encoding="utf-8").split(begin)
-        after = rest.split(end)[1]
-        given.write.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
+        marked.write(given.write, "ranking", text)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from pathlib import Path
 from ema import estimate, fit
 from ema.data import Condition, Run
 from ema.datasets import work_table, work_table_hammer
+from tests.bench import marked
 
 BAND = (300.0, 1300.0)
 COEFFICIENTS = (0.015, 0.018, 0.020, 0.0225, 0.025, 0.0275, 0.030)
@@ -54,10 +55,7 @@ def main() -> None:
     given = parser.parse_args()
     text = table()
     if given.write:
-        begin, end = (f"<!-- friction coefficient: {part} -->" for part in ("begin", "end"))
-        before, rest = given.write.read_text(encoding="utf-8").split(begin)
-        after = rest.split(end)[1]
-        given.write.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
+        marked.write(given.write, "friction coefficient", text)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from ema.errors import InputError
 from ema.estimate import stepped, sweep
 from ema.fit import local_fit
 from ema.simulate import FrictionRig, SteppedSine, SweptShaker
+from tests.bench import marked
 
 RATE, BAND, NEAR = 4096.0, (455.0, 535.0), (470.0, 520.0)
 LINES = tuple(np.arange(462.0, 527.0, 1.0).tolist())
@@ -85,10 +86,7 @@ def main() -> None:
     given = parser.parse_args()
     text = table(SETTINGS[given.setting])
     if given.write:
-        begin, end = (f"<!-- sweeps, {given.setting}: {part} -->" for part in ("begin", "end"))
-        before, rest = given.write.read_text(encoding="utf-8").split(begin)
-        after = rest.split(end)[1]
-        given.write.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
+        marked.write(given.write, f"sweeps, {given.setting}", text)
 
 
 if __name__ == "__main__":
